@@ -1,1 +1,1 @@
-"""The companion to "Conformal Policy Learning": trackers, road, experiments and the book built on them."""
+"""The companion to "Conformal Policy Learning": trackers, road, experiments and the book."""

@@ -1,0 +1,80 @@
+"""What does a person type?
+
+Each module of this folder is one subcommand and has two functions:
+
+- `register(subparsers)` adds its parser (name, one line of help, arguments);
+- `run(args) -> int` does the work and returns the exit status.
+
+A module is imported only when its command is typed, and imports what is heavy inside `run`, so that
+an answer or a refusal takes less than a second. Exit status: 0 done, 1 it failed, 2 what was typed
+makes no sense (the message on stderr names what is wrong and what it may be), 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import pkgutil
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+__all__ = ["UsageError", "main"]
+
+
+class UsageError(Exception):
+    """What was typed makes no sense: the message goes to stderr, the exit status is 2."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command that was typed.
+
+    Args:
+        argv: The words after `cpl`; those of the process unless given.
+
+    Returns:
+        The exit status.
+    """
+    words = list(sys.argv[1:] if argv is None else argv)
+    args = _parser(words).parse_args(words)
+    command = import_module(f"{__name__}.{args.command}")
+    try:
+        return command.run(args)
+    except UsageError as refusal:
+        print(f"cpl {args.command}: {refusal}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:  # `cpl params | head -1`: the reader has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+
+
+class _Version(argparse.Action):
+    """Look the version up only when it is asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from importlib.metadata import version
+
+        print(f"cpl {version('cpl')}")
+        parser.exit()
+
+
+def _parser(words: list[str]) -> argparse.ArgumentParser:
+    """Return the parser with the command that was typed, or with all of them for `cpl --help`."""
+    parser = argparse.ArgumentParser(
+        prog="cpl",
+        description="Run, build and check the executable book on conformal policy learning.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
+    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    names = _commands()
+    for name in words[:1] if words[:1] and words[0] in names else names:
+        import_module(f"{__name__}.{name}").register(subparsers)
+    return parser
+
+
+def _commands() -> list[str]:
+    return sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))
