@@ -1,1 +1,1 @@
-"""The companion to "Conformal Policy Learning": trackers, road, experiments and the book."""
+"""Trackers, road and experiments behind the companion to "Conformal Policy Learning"."""

@@ -1,8 +1,8 @@
 """How near danger is: the distance l to the nearest car and its squashed form l_tilde.
 
-The paper forecasts l_tilde three steps ahead (Section IV, Predictor Training). It says neither what l is
-measured between nor which cars count; here l is the distance between centres, over all other cars on the
-road unless a caller passes fewer.
+The paper forecasts l_tilde three steps ahead (Section IV, Predictor Training). It says neither what
+l is measured between nor which cars count; here l is the distance between centres, over all other
+cars on the road unless a caller passes fewer.
 """
 
 import numpy as np

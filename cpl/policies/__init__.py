@@ -1,0 +1,1 @@
+"""What the car does: hand-written rules, learners, the switch."""
