@@ -1,0 +1,257 @@
+"""Infer: intervals and laws that are decided before the data are seen.
+
+Everything returns an :class:`Estimate`, so that a claim's rule reads the same whether the number
+is a share, a mean or a difference.
+"""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from math import ceil
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import stats as sp
+
+__all__ = [
+    "Estimate",
+    "LawCheck",
+    "check_law",
+    "mean_interval",
+    "paired_difference",
+    "proportion",
+    "split_conformal_law",
+    "split_conformal_rank",
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """A number with its interval: ``low <= value <= high``, from ``n`` independent units."""
+
+    value: float
+    low: float
+    high: float
+    n: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawCheck:
+    """How far a sample is from a stated law.
+
+    Attributes:
+        mean_z: (sample mean - mean of the law) / its standard error.
+        variance_z: The same for the variance, with the law's own fourth moment.
+        ks_p: p-value of the two-sided Kolmogorov-Smirnov test.
+        n: Sample size.
+    """
+
+    mean_z: float
+    variance_z: float
+    ks_p: float
+    n: int
+
+
+def proportion(hits: int, n: int, *, confidence: float = 0.95) -> Estimate:
+    """Return a share with its exact Clopper-Pearson interval.
+
+    Args:
+        hits: Number of successes, 0 <= hits <= n.
+        n: Number of independent trials.
+        confidence: Coverage of the interval, in (0, 1); the exact method covers at least that.
+
+    Raises:
+        ValueError: If an argument is out of its range.
+
+    Examples:
+        No failure in 100 trials still leaves a rate of up to 3.6 %, since 0.964^100 = 0.025:
+
+        >>> estimate = proportion(0, 100)
+        >>> estimate.low, round(estimate.high, 4)
+        (0.0, 0.0362)
+    """
+    _check_confidence(confidence)
+    if n < 1 or not 0 <= hits <= n:
+        msg = f"hits must lie in [0, n] and n be positive, got hits={hits!r}, n={n!r}"
+        raise ValueError(msg)
+    tail = (1 - confidence) / 2
+    low = float(sp.beta.ppf(tail, hits, n - hits + 1)) if hits else 0.0
+    high = float(sp.beta.ppf(1 - tail, hits + 1, n - hits)) if hits < n else 1.0
+    return Estimate(value=hits / n, low=low, high=high, n=n)
+
+
+def mean_interval(sample: ArrayLike, *, confidence: float = 0.95) -> Estimate:
+    """Return a mean with its Student t interval.
+
+    Args:
+        sample: Independent values, shape (n,), n >= 2.
+        confidence: Coverage of the interval, in (0, 1).
+
+    Raises:
+        ValueError: If the sample is not a vector of at least two finite numbers.
+
+    Examples:
+        >>> estimate = mean_interval([1.0, 2.0, 3.0])  # 2 +- 4.303 / sqrt(3)
+        >>> estimate.value, round(estimate.high, 3)
+        (2.0, 4.484)
+    """
+    _check_confidence(confidence)
+    values = _vector("sample", sample)
+    half = sp.t.ppf((1 + confidence) / 2, values.size - 1) * sp.sem(values)
+    mean = float(values.mean())
+    return Estimate(value=mean, low=mean - float(half), high=mean + float(half), n=values.size)
+
+
+def paired_difference(
+    treated: ArrayLike,
+    control: ArrayLike,
+    rng: np.random.Generator,
+    *,
+    confidence: float = 0.95,
+    resamples: int = 9_999,
+) -> Estimate:
+    """Return mean(treated) - mean(control) with a paired bootstrap interval (BCa).
+
+    Pairs are resampled together, which is what common random numbers (the same environment seed
+    under two policies) are for.
+
+    Args:
+        treated: Values under the first condition, shape (n,), n >= 2.
+        control: Values of the same units under the second condition, shape (n,).
+        rng: Where the resamples come from.
+        confidence: Coverage of the interval, in (0, 1).
+        resamples: Number of bootstrap resamples.
+
+    Raises:
+        ValueError: If the two are not finite vectors of one length.
+
+    Examples:
+        Every pair differs by exactly 1, so there is nothing to be uncertain about:
+
+        >>> paired_difference([2.0, 5.0, 9.0], [1.0, 4.0, 8.0], np.random.default_rng(0))
+        Estimate(value=1.0, low=1.0, high=1.0, n=3)
+    """
+    _check_confidence(confidence)
+    x, y = _vector("treated", treated), _vector("control", control)
+    if x.shape != y.shape:
+        msg = f"control must have the shape of treated {x.shape}, got {y.shape}"
+        raise ValueError(msg)
+
+    def difference(a: NDArray[np.float64], b: NDArray[np.float64], axis: int = -1) -> Any:  # noqa: ANN401
+        return np.mean(a, axis=axis) - np.mean(b, axis=axis)
+
+    value = float(difference(x, y))
+    if np.all(x - y == x[0] - y[0]):  # SciPy's BCa divides by the spread, which is zero here
+        return Estimate(value=value, low=value, high=value, n=x.size)
+    interval = sp.bootstrap(
+        (x, y),
+        difference,
+        paired=True,
+        vectorized=True,
+        n_resamples=resamples,
+        confidence_level=confidence,
+        method="BCa",
+        rng=rng,
+    ).confidence_interval
+    return Estimate(value=value, low=float(interval.low), high=float(interval.high), n=x.size)
+
+
+def split_conformal_rank(n: int, alpha: float) -> int:
+    r"""Return the rank of the calibration score that split conformal prediction uses.
+
+    .. math:: k = \lceil (1-\alpha)(n+1) \rceil
+
+    The decimal that was typed counts, not its binary neighbour: for ``alpha=0.1, n=9`` the rank
+    is 9 although ``(1 - 0.1) * 10`` may round to just above it.
+
+    Args:
+        n: Number of calibration scores.
+        alpha: Nominal miscoverage, in (0, 1).
+
+    Returns:
+        The rank k, counted from 1; k = n + 1 means that the threshold is infinite.
+
+    Raises:
+        ValueError: If n is not positive or alpha not in (0, 1).
+
+    Examples:
+        >>> [split_conformal_rank(n, 0.1) for n in (9, 100, 5)]
+        [9, 91, 6]
+    """
+    if n < 1:
+        msg = f"n must be positive, got {n!r}"
+        raise ValueError(msg)
+    if not 0 < alpha < 1:
+        msg = f"alpha must lie in (0, 1), got {alpha!r}"
+        raise ValueError(msg)
+    return ceil((1 - Fraction(repr(float(alpha)))) * (n + 1))
+
+
+def split_conformal_law(n: int, alpha: float) -> Any:  # noqa: ANN401 - SciPy's frozen law
+    r"""Return the law of the coverage of split conformal prediction given its calibration set.
+
+    .. math:: P(s_{n+1} \le s_{(k)} \mid s_1..s_n) \sim \text{Beta}(k,\ n+1-k)
+
+    It holds exactly for exchangeable scores without ties (given the latent law, if there is one);
+    its mean k/(n+1) is at least 1 - alpha. With ties the coverage can only be larger.
+
+    Args:
+        n: Number of calibration scores.
+        alpha: Nominal miscoverage, in (0, 1), with alpha >= 1/(n+1).
+
+    Returns:
+        A frozen ``scipy.stats.beta``.
+
+    Raises:
+        ValueError: If n is too small for alpha: the threshold would be infinite.
+
+    Examples:
+        >>> law = split_conformal_law(9, 0.1)
+        >>> float(law.mean()), float(law.var().round(6))
+        (0.9, 0.008182)
+    """
+    k = split_conformal_rank(n, alpha)
+    if k > n:
+        msg = f"n must be at least 1/alpha - 1 for a finite threshold, got n={n}, alpha={alpha}"
+        raise ValueError(msg)
+    return sp.beta(k, n + 1 - k)
+
+
+def check_law(sample: ArrayLike, law: Any) -> LawCheck:  # noqa: ANN401 - SciPy's frozen law
+    """Compare a sample with a continuous law: its mean, its variance, its whole shape.
+
+    Args:
+        sample: Independent draws, shape (n,), n >= 2.
+        law: A frozen SciPy distribution with four moments.
+
+    Raises:
+        ValueError: If the sample is not a vector of at least two finite numbers.
+
+    Examples:
+        >>> grid = (np.arange(1000) + 0.5) / 1000  # as uniform as it can be
+        >>> check_law(grid, sp.uniform()).ks_p
+        1.0
+    """
+    values = _vector("sample", sample)
+    mean, variance, kurtosis = (float(m) for m in law.stats(moments="mvk"))
+    n = values.size
+    return LawCheck(
+        mean_z=float((values.mean() - mean) / np.sqrt(variance / n)),
+        variance_z=float((values.var() - variance) / (variance * np.sqrt((kurtosis + 2) / n))),
+        ks_p=float(sp.kstest(values, law.cdf).pvalue),
+        n=n,
+    )
+
+
+def _vector(name: str, values: ArrayLike) -> NDArray[np.float64]:
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim != 1 or array.size < 2 or not np.isfinite(array).all():
+        msg = f"{name} must be a vector of at least two finite numbers, got shape {array.shape}"
+        raise ValueError(msg)
+    return array
+
+
+def _check_confidence(confidence: float) -> None:
+    if not 0 < confidence < 1:
+        msg = f"confidence must lie in (0, 1), got {confidence!r}"
+        raise ValueError(msg)
