@@ -1,14 +1,65 @@
-"""Remember: paths, fingerprints of source, and tables that are kept, keyed and checked."""
+"""Remember: paths, fingerprints of source, and tables that are kept, keyed and checked.
 
+Two layers. The *work* layer (outside git) holds finished shards by key; the *published* layer
+(``data/results/``, in git) holds what the book shows, with where it comes from.
+"""
+
+from cpl.store.keys import canonical_json, plain, stage_key, versions_below
 from cpl.store.paths import atomic_write, data_path, project_root, work_path
-from cpl.store.source import cpl_imports, fingerprint, import_closure
+from cpl.store.published import (
+    DamagedResultError,
+    Manifest,
+    PublishedShard,
+    Verification,
+    manifests,
+    publish,
+    read_manifest,
+    read_published,
+    record_verification,
+    staleness,
+)
+from cpl.store.source import (
+    cpl_imports,
+    external_imports,
+    fingerprint,
+    import_closure,
+    module_digests,
+)
+from cpl.store.state import machine, source_commit, today
+from cpl.store.tables import decode_table, encode_table, same_table, table_digest
+from cpl.store.work import StoredShard, WorkStore
 
 __all__ = [
+    "DamagedResultError",
+    "Manifest",
+    "PublishedShard",
+    "StoredShard",
+    "Verification",
+    "WorkStore",
     "atomic_write",
+    "canonical_json",
     "cpl_imports",
     "data_path",
+    "decode_table",
+    "encode_table",
+    "external_imports",
     "fingerprint",
     "import_closure",
+    "machine",
+    "manifests",
+    "module_digests",
+    "plain",
     "project_root",
+    "publish",
+    "read_manifest",
+    "read_published",
+    "record_verification",
+    "same_table",
+    "source_commit",
+    "stage_key",
+    "staleness",
+    "table_digest",
+    "today",
+    "versions_below",
     "work_path",
 ]

@@ -15,7 +15,13 @@ from typing import cast
 
 from cpl.store.paths import project_root
 
-__all__ = ["cpl_imports", "fingerprint", "import_closure"]
+__all__ = [
+    "cpl_imports",
+    "external_imports",
+    "fingerprint",
+    "import_closure",
+    "module_digests",
+]
 
 # Calls that name an experiment as text: a chapter that says compute("coverage") depends on
 # cpl.experiments.coverage although it never imports it.
@@ -117,16 +123,53 @@ def fingerprint(*origins: str | Path, root: Path | None = None) -> str:
         >>> fingerprint("cpl.store.paths") == fingerprint("cpl.store.paths", "cpl.store")
         True
     """
-    base = _resolved(root)
     digest = hashlib.sha256()
-    for module in import_closure(*origins, root=base):
-        digest.update(f"{module} {_module_facts(module, base).digest}\n".encode())
+    for module, own in module_digests(*origins, root=root).items():
+        digest.update(f"{module} {own}\n".encode())
     for origin in sorted(o for o in origins if isinstance(o, Path)):
         tree = _parse(origin.read_text(encoding="utf-8"), str(origin))
-        digest.update(
-            f"{origin.name} {hashlib.sha256(_canonical(tree).encode()).hexdigest()}\n".encode()
-        )
+        digest.update(f"{origin.name} {_tree_digest(tree)}\n".encode())
     return digest.hexdigest()
+
+
+def module_digests(*origins: str | Path, root: Path | None = None) -> dict[str, str]:
+    """Return the digest of each module in the closure of imports, to say later which one changed.
+
+    Args:
+        origins: Dotted module names, or paths of Python files.
+        root: Project whose ``cpl`` is meant; by default the one this package is imported from.
+
+    Returns:
+        Dotted module name -> 64 hexadecimal digits, sorted by name.
+
+    Raises:
+        ValueError: If a named module does not exist, or a source is not Python.
+
+    Examples:
+        >>> sorted(module_digests("cpl.rng"))
+        ['cpl', 'cpl.rng']
+    """
+    base = _resolved(root)
+    return {m: _module_facts(m, base).digest for m in import_closure(*origins, root=base)}
+
+
+def external_imports(*origins: str | Path, root: Path | None = None) -> frozenset[str]:
+    """Return the top-level names of all other packages that the closure of imports mentions.
+
+    Args:
+        origins: Dotted module names, or paths of Python files.
+        root: Project whose ``cpl`` is meant; by default the one this package is imported from.
+
+    Raises:
+        ValueError: If a named module does not exist, or a source is not Python.
+
+    Examples:
+        >>> sorted(external_imports("cpl.rng"))
+        ['hashlib', 'numpy', 'typing']
+    """
+    base = _resolved(root)
+    closure = import_closure(*origins, root=base)
+    return frozenset(name for module in closure for name in _module_facts(module, base).outside)
 
 
 def _resolved(root: Path | None) -> Path:
@@ -164,13 +207,16 @@ class _Facts:
 
     imports: tuple[str, ...]
     imports_at_module_level: tuple[str, ...]
+    outside: frozenset[str]
     digest: str
 
 
 def _module_facts(module: str, root: Path) -> _Facts:
     path = _file_of(module, root)
     if path is None:
-        return _Facts(imports=(), imports_at_module_level=(), digest="namespace")
+        return _Facts(
+            imports=(), imports_at_module_level=(), outside=frozenset(), digest="namespace"
+        )
     stat = path.stat()
     return _read_facts(module, path, root, stat.st_mtime_ns, stat.st_size)
 
@@ -182,7 +228,8 @@ def _read_facts(module: str, path: Path, root: Path, _mtime: int, _size: int) ->
     return _Facts(
         imports=_named_modules(tree, package, root),
         imports_at_module_level=_named_modules(tree, package, root, functions=False),
-        digest=hashlib.sha256(_canonical(tree).encode()).hexdigest(),
+        outside=frozenset(_outside_modules(tree)),
+        digest=_tree_digest(tree),
     )
 
 
@@ -245,6 +292,14 @@ def _dotted(node: ast.expr) -> str:
     return node.id if isinstance(node, ast.Name) else ""
 
 
+def _outside_modules(tree: ast.Module) -> Iterator[str]:
+    for node in _live_nodes(tree, functions=True):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module.partition(".")[0]
+
+
 def _live_nodes(node: ast.AST, functions: bool) -> Iterator[ast.AST]:
     """Walk a tree without what stands under ``if TYPE_CHECKING``, with or without functions."""
     yield node
@@ -254,6 +309,10 @@ def _live_nodes(node: ast.AST, functions: bool) -> Iterator[ast.AST]:
                 yield from _live_nodes(other, functions)
         elif functions or not isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef)):
             yield from _live_nodes(child, functions)
+
+
+def _tree_digest(tree: ast.Module) -> str:
+    return hashlib.sha256(_canonical(tree).encode()).hexdigest()
 
 
 def _canonical(node: object) -> str:

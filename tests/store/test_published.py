@@ -1,0 +1,174 @@
+import hashlib
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cpl.rng import stream
+from cpl.store import (
+    DamagedResultError,
+    Manifest,
+    PublishedShard,
+    Verification,
+    canonical_json,
+    machine,
+    manifests,
+    module_digests,
+    publish,
+    read_manifest,
+    read_published,
+    record_verification,
+    same_table,
+    source_commit,
+    staleness,
+    today,
+    versions_below,
+)
+
+ORIGIN = "cpl.rng"
+
+
+@pytest.fixture
+def table():
+    return pd.DataFrame({"n": np.arange(4), "share": [0.1, 0.2, 0.3, np.nan], "rule": list("aabb")})
+
+
+@pytest.fixture
+def manifest():
+    modules, versions = module_digests(ORIGIN), versions_below(ORIGIN)
+    return Manifest(
+        experiment="toy",
+        profile="paper",
+        parameters={"alpha": 0.1, "n": 4},
+        seeds={"seed": 0},
+        label="simulated",
+        commit=source_commit(),
+        origins=[ORIGIN],
+        modules=modules,
+        versions=versions,
+        machine=machine(),
+        made=today(),
+        seconds=0.1,
+        verified=Verification(
+            date=today(), modules=modules, versions=versions, shards=["a", "b"], of=2
+        ),
+        shards=[
+            PublishedShard(name="a", first_row=0, rows=2),
+            PublishedShard(name="b", first_row=2, rows=2),
+        ],
+    )
+
+
+def test_publish_and_read(tmp_path, table, manifest):
+    path = publish(table, manifest, root=tmp_path)
+    assert path == tmp_path / "toy" / "paper.json"
+    back, told = read_published("toy", "paper", root=tmp_path)
+    assert same_table(back, table, rtol=0, atol=0) is None
+    assert told.rows == 4
+    assert told.columns == {"n": "int64", "share": "float64", "rule": "str"}
+    assert told.parameters == {"alpha": 0.1, "n": 4}
+    assert manifests(root=tmp_path) == [told]
+    assert pd.read_parquet(path.with_suffix(".parquet"))["rule"].tolist() == list("aabb")
+
+
+def test_publishing_twice_writes_the_same_bytes(tmp_path, table, manifest):
+    path = publish(table, manifest, root=tmp_path)
+    before = path.read_bytes(), path.with_suffix(".parquet").read_bytes()
+    publish(table.copy(), manifest, root=tmp_path)
+    assert (path.read_bytes(), path.with_suffix(".parquet").read_bytes()) == before
+
+
+def test_what_is_not_published_says_how_to_make_it(tmp_path):
+    with pytest.raises(FileNotFoundError, match="cpl compute toy --profile paper --publish"):
+        read_published("toy", "paper", root=tmp_path)
+
+
+def test_shards_must_add_up(tmp_path, table, manifest):
+    with pytest.raises(ValueError, match="4 rows"):
+        publish(table, replace(manifest, shards=manifest.shards[:1]), root=tmp_path)
+
+
+@pytest.mark.parametrize("name", ["../toy", "Toy", "", "a/b", "toy.x"])
+def test_names_cannot_leave_the_layer(tmp_path, table, manifest, name):
+    with pytest.raises(ValueError, match="experiment"):
+        publish(table, replace(manifest, experiment=name), root=tmp_path)
+
+
+@pytest.mark.parametrize("suffix", [".json", ".parquet"])
+def test_damage_is_never_used(tmp_path, table, manifest, suffix):
+    """Truncations and bit flips: either refused, or (in the manifest) what it says is unchanged."""
+    path = publish(table, manifest, root=tmp_path)
+    victim = path.with_suffix(suffix)
+    whole, rng = victim.read_bytes(), stream(0, "faults", suffix)
+    told = read_manifest("toy", "paper", root=tmp_path)
+    for cut in rng.integers(0, len(whole), 20):
+        victim.write_bytes(whole[:cut])
+        if whole[:cut].strip() != whole.strip():
+            with pytest.raises(DamagedResultError):
+                read_published("toy", "paper", root=tmp_path)
+    for place in rng.integers(0, len(whole), 40):
+        flipped = bytes([whole[place] ^ (1 << int(rng.integers(0, 8)))])
+        victim.write_bytes(whole[:place] + flipped + whole[place + 1 :])
+        try:
+            back, now = read_published("toy", "paper", root=tmp_path)
+        except DamagedResultError:
+            continue
+        assert now == told
+        assert same_table(back, table, rtol=0, atol=0) is None
+
+
+def test_a_manifest_cannot_be_edited_by_hand(tmp_path, table, manifest):
+    path = publish(table, manifest, root=tmp_path)
+    path.write_text(path.read_text().replace('"alpha": 0.1', '"alpha": 0.2'))
+    with pytest.raises(DamagedResultError, match="seal"):
+        read_manifest("toy", "paper", root=tmp_path)
+
+
+def test_a_missing_table_is_named(tmp_path, table, manifest):
+    publish(table, manifest, root=tmp_path).with_suffix(".parquet").unlink()
+    with pytest.raises(DamagedResultError, match="missing"):
+        read_published("toy", "paper", root=tmp_path)
+
+
+def test_a_table_swapped_under_a_fresh_sha_is_refused(tmp_path, table, manifest):
+    path = publish(table, manifest, root=tmp_path)
+    other = publish(table.assign(n=9), replace(manifest, profile="book"), root=tmp_path)
+    path.with_suffix(".parquet").write_bytes(other.with_suffix(".parquet").read_bytes())
+    content = json.loads(path.read_text())
+    content["sha256"] = json.loads(other.read_text())["sha256"]
+    del content["seal"]
+    content["seal"] = hashlib.sha256(canonical_json(content).encode()).hexdigest()
+    path.write_text(json.dumps(content))
+    with pytest.raises(DamagedResultError, match="does not say"):
+        read_published("toy", "paper", root=tmp_path)
+
+
+def test_a_fresh_result_is_verified(manifest):
+    assert staleness(manifest) == []
+    assert staleness(manifest, {"alpha": 0.1, "n": 4}) == []
+
+
+def test_staleness_says_why(manifest):
+    seen = manifest.verified
+    old = replace(seen, modules={**seen.modules, ORIGIN: "0" * 64}, versions={"numpy": "1.0"})
+    reasons = staleness(replace(manifest, verified=old), {"alpha": 0.2, "n": 4})
+    assert reasons[0] == "parameter alpha: 0.1 -> 0.2"
+    assert reasons[1] == "code changed: cpl.rng"
+    assert reasons[2].startswith("version of numpy: 1.0 -> ")
+
+
+def test_a_removed_module_makes_a_result_unverified_not_unreadable(manifest):
+    (reason,) = staleness(replace(manifest, origins=["cpl.gone"]))
+    assert "cpl.gone" in reason
+
+
+def test_recording_a_verification_leaves_the_table(tmp_path, table, manifest):
+    path = publish(table, manifest, root=tmp_path)
+    before = path.with_suffix(".parquet").read_bytes()
+    told = read_manifest("toy", "paper", root=tmp_path)
+    later = replace(told.verified, date="2030-01-01", shards=["b"])
+    record_verification(told, later, root=tmp_path)
+    assert read_manifest("toy", "paper", root=tmp_path) == replace(told, verified=later)
+    assert path.with_suffix(".parquet").read_bytes() == before
