@@ -1,0 +1,86 @@
+"""A Sphinx extension: pages that need no other host, and say what they are about.
+
+- MathJax comes from the installed package `sphinx-mathjax-offline`; of its 24 MB only the renderer,
+  the fonts and the small TeX extensions that it may load are published.
+- Each page describes itself to search engines and link previews with its first sentences.
+- Files that no page ever loads (translations of the theme, source maps) are left out.
+"""
+
+from __future__ import annotations
+
+import shutil
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from sphinx.application import Sphinx
+
+_MATHJAX = ("tex-chtml.js", "input/tex/extensions", "output/chtml/fonts/woff-v2")
+_NEVER_LOADED = ("_static/locales", "_static/**/*.map", "_static/**/*.ttf", "_static/images/logo_*")
+_DESCRIPTION = 200  # characters that a search engine shows
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Connect the extension."""
+    app.connect("config-inited", _use_local_mathjax)
+    app.connect("html-page-context", _describe)
+    app.connect("build-finished", _copy_mathjax)
+    app.connect("build-finished", _leave_out)
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _use_local_mathjax(_app: Sphinx, config: Any) -> None:
+    config.mathjax_path = "mathjax/tex-chtml.js"
+
+
+def _copy_mathjax(app: Sphinx, exception: Exception | None) -> None:
+    if exception is not None or app.builder.format != "html":
+        return
+    package = find_spec("sphinx-mathjax-offline")
+    if package is None or package.origin is None:
+        message = "sphinx-mathjax-offline is not installed"
+        raise ModuleNotFoundError(message)
+    source = Path(package.origin).parent / "static" / "mathjax"
+    target = Path(app.outdir) / "_static" / "mathjax"
+    for part in _MATHJAX:
+        (target / part).parent.mkdir(parents=True, exist_ok=True)
+        if (source / part).is_dir():
+            shutil.copytree(source / part, target / part, dirs_exist_ok=True)
+        else:
+            shutil.copyfile(source / part, target / part)
+
+
+def _leave_out(app: Sphinx, exception: Exception | None) -> None:
+    if exception is not None or app.builder.format != "html":
+        return
+    for pattern in _NEVER_LOADED:
+        for path in Path(app.outdir).glob(pattern):
+            if path.is_dir():
+                shutil.rmtree(path)
+            else:
+                path.unlink()
+
+
+def _describe(
+    _app: Sphinx, page: str, _template: str, context: dict[str, Any], doctree: nodes.document | None
+) -> None:
+    """Add the page's description, unless its author wrote one."""
+    if doctree is None or 'name="description"' in context.get("metatags", ""):
+        return
+    text = next((_words(p) for p in doctree.findall(nodes.paragraph) if len(_words(p)) > 60), "")
+    if len(text) > _DESCRIPTION:
+        text = text[:_DESCRIPTION].rsplit(" ", 1)[0] + " …"
+    values = {"description": text, "og:title": context.get("title", page), "og:description": text}
+    tags = "".join(_tag(name, value) for name, value in values.items() if value)
+    context["metatags"] = context.get("metatags", "") + tags
+
+
+def _words(paragraph: nodes.paragraph) -> str:
+    return " ".join(paragraph.astext().split())
+
+
+def _tag(name: str, value: str) -> str:
+    plain = value.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
+    kind = "property" if name.startswith("og:") else "name"
+    return f'<meta {kind}="{name}" content="{plain}" />\n'

@@ -1,0 +1,39 @@
+"""`cpl build`: the book's pages, executing only what changed (this is `make book`)."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+
+from cpl.publish.chapters import ChapterError
+from cpl.store import project_root
+
+__all__ = ["register", "run"]
+
+
+def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the parser."""
+    parser = subparsers.add_parser("build", help="build the book into _build/html")
+    parser.add_argument(
+        "--jobs", type=int, default=2, metavar="N", help="chapters executed at a time (2)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Build the book and say where it is."""
+    from cpl.publish.execute import ExecutionError
+    from cpl.publish.site import SiteError, build
+
+    begin = time.perf_counter()
+    try:
+        page = build(project_root(), jobs=max(1, args.jobs), report=_say)
+    except (ChapterError, ExecutionError, SiteError) as error:
+        print(f"cpl build: {error}", file=sys.stderr)
+        return 1
+    print(f"{page} ({time.perf_counter() - begin:.0f} s)")
+    return 0
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)

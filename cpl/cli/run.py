@@ -1,0 +1,65 @@
+"""`cpl run`: execute a chapter with parameters of one's own."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from cpl.cli import UsageError
+from cpl.publish.chapters import ChapterError, find_chapter
+from cpl.publish.parameters import ParameterError, settings
+from cpl.store import project_root
+
+__all__ = ["register", "run"]
+
+
+def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the parser."""
+    parser = subparsers.add_parser(
+        "run",
+        help="execute a chapter, with parameters of your own if you like",
+        description="Execute a chapter and write its notebook, its page and its provenance.",
+        epilog="`cpl params CHAPTER` says what can be set.",
+    )
+    parser.add_argument("chapter", help="its name, as `cpl params` lists it")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="set a parameter; may be given for several",
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="where to write (a new folder in _build/runs)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Check what was typed; then, and only then, execute."""
+    root = project_root()
+    try:
+        chapter = find_chapter(root, args.chapter)
+        chosen = settings(chapter.parameters, args.set, chapter.name)
+    except ParameterError as error:
+        raise UsageError(error) from error
+    except ChapterError as error:
+        print(f"cpl run: {error}", file=sys.stderr)
+        return 1
+    if args.out is not None and args.out.exists() and not args.out.is_dir():
+        msg = f"--out must be a folder, got the file {args.out}"
+        raise UsageError(msg)
+
+    from cpl.publish.execute import ExecutionError
+    from cpl.publish.run import new_folder, run_chapter
+
+    folder = args.out or new_folder(root, chapter, chosen)
+    print(f"executing {chapter.name} with {dict(chosen) or 'its own parameters'}", file=sys.stderr)
+    try:
+        run_chapter(chapter, chosen, folder, root)
+    except ExecutionError as error:
+        print(f"cpl run: {error}", file=sys.stderr)
+        return 1
+    for ending in ("html", "ipynb", "json"):
+        print(folder / f"{chapter.name}.{ending}")
+    return 0

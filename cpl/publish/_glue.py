@@ -1,0 +1,49 @@
+"""Numbers that prose can quote, so that none is typed by hand."""
+
+__all__ = ["glue"]
+
+
+def glue(name: str, value: object, fmt: str = "{}") -> str:
+    """Give a computed value a name, by which the text of the chapter quotes it.
+
+    The chapter says ``glue("coverage", 0.9031, "{:.3f}")`` in a cell and ``{glue:text}`coverage` ``
+    in its text. The cell shows nothing. Outside a notebook only the text is returned.
+
+    Args:
+        name: What the text calls the value; unique in the chapter.
+        value: The value.
+        fmt: How to write it: a format string with one pair of braces.
+
+    Returns:
+        The text as it will stand on the page.
+
+    Raises:
+        ValueError: If the format cannot write the value.
+
+    Examples:
+        >>> text = glue("coverage", 0.90312, "{:.1%}")
+        >>> text
+        '90.3%'
+    """
+    try:
+        text = fmt.format(value)
+    except (ValueError, IndexError, KeyError, TypeError) as error:
+        msg = f"fmt must be a format string for one value, got {fmt!r} for {value!r}"
+        raise ValueError(msg) from error
+    _show(name, text)
+    return text
+
+
+def _show(name: str, text: str) -> None:
+    """Write the text into the cell's output, under a type that no front end displays."""
+    from IPython import get_ipython
+    from IPython.display import display
+
+    if get_ipython() is None:
+        return
+    prefix = "application/papermill.record/"  # what myst-nb and papermill agreed on
+    display(
+        {prefix + "text/plain": repr(text)},  # as a string: 0.100 stays 0.100
+        raw=True,
+        metadata={"scrapbook": {"name": name, "mime_prefix": prefix}},
+    )
