@@ -35,7 +35,7 @@ def main() -> None:
         os.execve(sys.executable, [sys.executable, *sys.argv], environ)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--stages", nargs="*", choices=[*oracle.STAGES, "injected"])
+    parser.add_argument("--stages", nargs="*", choices=[*oracle.INJECTED, *oracle.STAGES])
     arguments = parser.parse_args()
     stages = arguments.stages or [
         name for name in ("injected", *oracle.STAGES) if not (FIXTURES / f"{name}.json").exists()
@@ -43,7 +43,7 @@ def main() -> None:
     FIXTURES.mkdir(exist_ok=True)
     with ProcessPoolExecutor(arguments.jobs, mp_context=get_context("spawn")) as pool:
         for stage in stages:
-            make = make_injected if stage == "injected" else make_episodes
+            make = make_injected if stage in oracle.INJECTED else make_episodes
             arrays, plan = make(oracle, stage, pool)
             write_stage(stage, arrays, plan, oracle.LIBM_FLAGS)
             print(stage, len(arrays["action"]), "rows", flush=True)  # noqa: T201
@@ -58,9 +58,8 @@ def make_episodes(oracle, stage, pool):
 
 
 def make_injected(oracle, stage, pool):
-    """All injected states with what highway-env makes of them; a task is one group."""
-    del stage
-    numbers = range(oracle.INJECTED_GROUPS)
+    """All injected states of a stage with what highway-env makes of them; a task is one group."""
+    numbers = oracle.INJECTED[stage]
     tables, states = [], []
     plan = []
     for number, (table, lanes) in zip(numbers, pool.map(_injected_task, numbers), strict=True):

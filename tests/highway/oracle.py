@@ -134,7 +134,7 @@ def draw_group(rng, *, vehicles, lengths, sessions=3, **fixed) -> Group:
         "vehicles_count": pick(5, 5, 6, 10, 2),
         "see_behind": pick(True, False),
     }
-    observation |= fixed.pop("observation", {})
+    odd = fixed.pop("odd_observation", False)
     speeds = np.linspace(low, high, pick(3, 3, 3, 5, 11)).tolist()
     options = {
         "vehicles_count": int(rng.integers(vehicles[0], vehicles[1] + 1)),
@@ -155,6 +155,8 @@ def draw_group(rng, *, vehicles, lengths, sessions=3, **fixed) -> Group:
         "action": {"type": "DiscreteMetaAction", "target_speeds": speeds},
     }
     fast = fixed.pop("fast", False)
+    if odd:
+        observation |= _draw_observation(rng)
     kinds = ["random", "idle", "faster", "weave", "hasty", "slow"]
     return Group(
         options=options | fixed,
@@ -163,6 +165,25 @@ def draw_group(rng, *, vehicles, lengths, sessions=3, **fixed) -> Group:
         actions=[pick(*kinds) for _ in range(sessions)],
         lengths=[int(n) for n in rng.permutation(lengths)],
     )
+
+
+def _draw_observation(rng) -> dict[str, Any]:
+    """Observations that no default asks for."""
+    features = np.array(
+        [
+            *("presence", "x", "y", "vx", "vy", "heading", "cos_h", "sin_h", "cos_d", "sin_d"),
+            *("long_off", "lat_off", "ang_off"),
+        ]
+    )
+    ranges = {"x": [-100, 80], "y": [-9, 12], "vx": [-20.5, 20], "vy": [-3, 3], "heading": [-1, 1]}
+    return {
+        "features": rng.permutation(features)[: rng.integers(1, 14)].tolist(),
+        "features_range": ranges if rng.random() < 0.4 else None,
+        "absolute": bool(rng.random() < 0.4),
+        "normalize": bool(rng.random() < 0.6),
+        "clip": bool(rng.random() < 0.5),
+        "order": "shuffled" if rng.random() < 0.4 else "sorted",
+    }
 
 
 def plan_stage(stage: str) -> list[Group]:
@@ -176,22 +197,23 @@ def plan_stage(stage: str) -> list[Group]:
         "fast": (10, {"vehicles": (5, 20), "lengths": [8, 8], "fast": True}),
         "large": (8, {"vehicles": (40, 60), "lengths": [12]}),
         "paper": (8, {"vehicles": (50, 50), "lengths": [16], **paper}),
-        "half": (4, {"vehicles": (5, 8), "lengths": [12, 12], "policy_frequency": 2}),
+        "options": (40, {"vehicles": (5, 9), "lengths": [6, 6], "odd_observation": True}),
     }
     count, drawn = plans[stage]
     return [draw_group(rng, **drawn) for _ in range(count)]
 
 
-STAGES = ("small", "long", "fast", "half", "medium", "paper", "large")
+STAGES = ("small", "long", "fast", "medium", "paper", "large", "options")
 
 
 # Injected states: what natural traffic never does.
 
-INJECTED_GROUPS, INJECTED_CASES = 40, 60
+INJECTED = {"injected": range(40), "crowded": range(40, 48)}
+INJECTED_CASES = 60
 
 
 def plan_injected(number: int):
-    """Group `number` of the injected states: options, steps, states and actions.
+    """Group `number` of the injected states, with few cars below 40 and many from there on.
 
     Returns:
         The options, an array of actions (cases, steps), and the states as a dictionary of arrays
@@ -201,7 +223,7 @@ def plan_injected(number: int):
     frame_by_frame = number % 2 == 0
     group = draw_group(
         rng,
-        vehicles=(1, 7),
+        vehicles=(1, 7) if number < 40 else (8, 20),
         lengths=[1],
         lanes_count=int(rng.integers(1, 6)),
         simulation_frequency=15,

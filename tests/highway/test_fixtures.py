@@ -1,0 +1,105 @@
+"""The engine against the golden fixtures: every digest of every step of highway-env, bit for bit.
+
+The engine's arithmetic is libm's and so is the fixtures'. Where a machine's libm rounds otherwise,
+the discrete digests must still agree; `test_libm_is_the_fixtures` says which case this is.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+FIXTURES = Path(__file__).resolve().parent / "fixtures"
+STAGES = ("small", "long", "fast", "medium", "paper", "large")
+DIGESTS = ("discrete", "floats", "output")
+
+
+def load(stage):
+    with np.load(FIXTURES / f"{stage}.npz", allow_pickle=False) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    return arrays, json.loads((FIXTURES / f"{stage}.json").read_text())
+
+
+def compare(oracle, rows, arrays, first, what):
+    """Rows of the engine against a stretch of a fixture; says where the first difference is."""
+    table = oracle.make_table(rows)
+    for name in ("action", "ended", *DIGESTS):
+        expected = arrays[name][first : first + len(rows)]
+        different = np.flatnonzero(table[name] != expected)
+        assert not len(different), f"{what}: {len(different)} differ in {name}: {different[:8]}"
+    for name in ("ego_x", "ego_speed", "reward"):
+        np.testing.assert_array_equal(table[name], arrays[name][first : first + len(rows)], what)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_episodes_are_highway_envs_bit_for_bit(stage, oracle, engine_runs):
+    arrays, manifest = load(stage)
+    first = 0
+    for number, group in enumerate(manifest["groups"]):
+        sessions, steps = len(group["seeds"]), sum(group["lengths"])
+        rows = sessions * (steps + len(group["lengths"]))
+        played = arrays["action"][first : first + rows].reshape(sessions, -1)
+        actions = played[played != oracle.NO_ACTION].reshape(sessions, steps)
+        compare(oracle, engine_runs.sessions(group, actions), arrays, first, f"{stage} {number}")
+        first += rows
+    assert first == len(arrays["action"])
+
+
+def test_injected_states_go_on_as_in_highway_env(oracle, engine_runs):
+    arrays, manifest = load("injected")
+    first = cars_before = cases_before = 0
+    for number, group in enumerate(manifest["groups"]):
+        cases, steps = group["cases"], group["steps"]
+        cars = group["options"]["vehicles_count"] + 1
+        states = {}
+        for name in (name for name in arrays if name.startswith("state_")):
+            once = len(arrays[name]) != len(arrays["state_x"])
+            start, shape = (cases_before, (cases,)) if once else (cars_before, (cases, cars))
+            values = arrays[name][start : start + int(np.prod(shape))]
+            states[name.removeprefix("state_")] = values.reshape(shape)
+        actions = arrays["action"][first : first + cases * steps].reshape(cases, steps)
+        rows = engine_runs.injected(group["options"], actions, states)
+        compare(oracle, rows, arrays, first, f"injected {number}")
+        first += cases * steps
+        cars_before += cases * cars
+        cases_before += cases
+    assert first == len(arrays["action"])
+
+
+def test_fixtures_are_as_many_and_as_varied_as_promised():
+    episodes, seen = 0, {}
+    for stage in STAGES:
+        manifest = load(stage)[1]
+        assert manifest["versions"]["highway-env"] == "1.12.1"
+        for group in manifest["groups"]:
+            options = group["options"]
+            episodes += len(group["seeds"]) * len(group["lengths"])
+            speeds = options["action"]["target_speeds"]
+            for name in ("lanes_count", "vehicles_density", "policy_frequency", "vehicles_count"):
+                seen.setdefault(name, set()).add(options[name])
+            seen.setdefault("range", set()).add((speeds[0], speeds[-1]))
+            seen.setdefault("behind", set()).add(options["observation"]["see_behind"])
+            seen.setdefault("normalised", set()).add(options["normalize_reward"])
+            seen.setdefault("actions", set()).update(group["actions"])
+    assert episodes >= 1000
+    assert seen["range"] == {(20, 30), (20, 40), (20, 50)}
+    assert seen["lanes_count"] == {2, 3, 4, 5}
+    assert {1, 2} <= seen["policy_frequency"]
+    assert min(seen["vehicles_density"]) == 0.5
+    assert max(seen["vehicles_density"]) == 2.0
+    assert min(seen["vehicles_count"]) == 5
+    assert max(seen["vehicles_count"]) == 60
+    assert {"random", "idle", "faster", "weave"} <= seen["actions"]
+    assert seen["behind"] == seen["normalised"] == {True, False}
+    assert sum(group["cases"] for group in load("injected")[1]["groups"]) >= 2000
+
+
+def test_fixtures_are_small():
+    assert sum(path.stat().st_size for path in FIXTURES.iterdir()) <= 2_000_000
+
+
+def test_some_episodes_ran_on_past_a_crash():
+    arrays, _ = load("long")
+    crashed = arrays["ended"] & 1
+    assert (crashed[1:] & crashed[:-1]).sum() > 100
