@@ -1,0 +1,48 @@
+# The project's ten commands. Each one sets up what it needs; `make help` lists them.
+.DEFAULT_GOAL := help
+.PHONY: help venv book test check bench lint lab clean
+
+SYSTEM_PYTHON ?= python3.11
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check -q install -c constraints.txt
+ENV := .venv/.installed
+
+help:  ## list these commands
+	@sed -n 's/^\([a-z]*\):.*  ## /\1\t/p' Makefile | expand -t 8
+
+venv: $(ENV)  ## make .venv with the pinned versions
+
+book: $(ENV)  ## execute what changed and render the book to _build/html
+	@$(BIN)/cpl build
+
+test: $(ENV)  ## run every test and gate, without network or browser
+	@$(BIN)/python -m pytest
+
+check: $(ENV) .venv/.browser  ## run the long suites: oracle, faults, rehearsal, browser
+	@$(BIN)/python -m pytest -m "oracle or faults or rehearsal or browser"
+
+bench: $(ENV) .venv/.bench  ## measure speed beside other packages, into _build/bench.json
+	@$(BIN)/python -m tests.bench
+
+lint: $(ENV)  ## mend style and show what is left
+	@$(BIN)/ruff format -q cpl tests book
+	@$(BIN)/ruff check --fix cpl tests book
+	@$(BIN)/pyright --pythonpath $(BIN)/python
+	@$(BIN)/lint-imports
+	@$(BIN)/python -m pytest -q tests/test_chapters.py
+
+lab: $(ENV) .venv/.lab  ## open the chapters in JupyterLab
+	@$(BIN)/jupyter lab book
+
+clean:  ## remove everything that was built, but not .venv
+	@rm -rf _build .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+
+# Extras are installed when first asked for, and again when the pinned versions change.
+$(ENV): pyproject.toml constraints.txt
+	@test -x $(BIN)/python || $(SYSTEM_PYTHON) -m venv .venv
+	@$(PIP) -e ".[book,test]"
+	@touch $@
+
+.venv/.%: $(ENV)
+	@$(PIP) -e ".[$*]"
+	@touch $@
