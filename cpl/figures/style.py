@@ -17,7 +17,7 @@ Example:
     'k'
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from io import StringIO
 from typing import Any, ParamSpec, TypeVar
@@ -51,7 +51,7 @@ RED = "#b84a00"  # Okabe-Ito vermilion, darkened: errors and danger
 GREEN = "#007a5a"  # Okabe-Ito bluish green, darkened: a second method
 PURPLE = "#9b4a7a"  # Okabe-Ito reddish purple, darkened: what the paper prints
 GREY = "#666666"  # data in the background
-PALE = "#e4e4e4"  # areas only, never text
+PALE = "#ebebeb"  # areas only, never text
 
 WIDTH = 6.4  # [inch], the text column of a page 1280 px wide
 
@@ -112,10 +112,9 @@ class Card(Figure):
             >>> figure.summary()
             'Figure: score against time [s]'
         """
-        return "Figure: " + "; ".join(
-            f"{axes.get_ylabel() or axes.get_title(loc='left')} against {axes.get_xlabel()}"
-            for axes in self.axes
-        )
+        names = [axes.get_ylabel() for axes in self.axes if axes.get_ylabel()]
+        below = self.axes[-1].get_xlabel() if self.axes else ""
+        return f"Figure: {', '.join(dict.fromkeys(names))} against {below}"
 
 
 def drawn(make: Callable[_P, _R]) -> Callable[_P, _R]:
@@ -144,19 +143,22 @@ def card(height: float = 3.2) -> tuple[Card, Axes]:
 
 
 @drawn
-def cards(rows: int, height: float = 4.6, *, share_x: bool = True) -> tuple[Card, list[Axes]]:
+def cards(
+    rows: int, height: float = 4.6, *, share_x: bool = True, ratios: Sequence[float] | None = None
+) -> tuple[Card, list[Axes]]:
     """Panels above each other: a column reads on a phone where a row would not.
 
     Args:
         rows: number of panels.
         height: of the whole figure [inch].
-        share_x: one time axis for all panels.
+        share_x: one horizontal axis for all panels.
+        ratios: relative heights of the panels, equal unless given.
 
     Returns:
         The figure and its axes from top to bottom.
     """
     figure = Card(figsize=(WIDTH, height))
-    axes = figure.subplots(rows, 1, sharex=share_x, squeeze=False)
+    axes = figure.subplots(rows, 1, sharex=share_x, squeeze=False, height_ratios=ratios)
     return figure, list(axes[:, 0])
 
 
@@ -185,8 +187,10 @@ def note(
     axes.text(x, y, text, color=color, ha=ha, va=va, bbox=ground)
 
 
-def level(axes: Axes, y: float, text: str, color: str = INK, *, x: float = 1.0) -> None:
-    """Draw a dashed horizontal level and write its name above the line.
+def level(
+    axes: Axes, y: float, text: str, color: str = INK, *, x: float = 1.0, below: bool = False
+) -> None:
+    """Draw a dashed horizontal level and write its name along the line.
 
     Args:
         axes: where to draw.
@@ -194,16 +198,17 @@ def level(axes: Axes, y: float, text: str, color: str = INK, *, x: float = 1.0) 
         text: the name.
         color: of line and name.
         x: where the name ends, as a share of the width.
+        below: write under the line, not above it.
     """
     axes.axhline(y, color=color, linestyle=(0, (5, 3)), linewidth=1.1)
     axes.annotate(
         text,
         (x, y),
         xycoords=("axes fraction", "data"),
-        xytext=(0, 2),
+        xytext=(0, -3 if below else 2),
         textcoords="offset points",
         ha="right",
-        va="bottom",
+        va="top" if below else "bottom",
         color=color,
     )
 
