@@ -18,8 +18,9 @@ import pkgutil
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from pathlib import Path
 
-__all__ = ["UsageError", "main"]
+__all__ = ["UsageError", "main", "project_root"]
 
 
 class UsageError(Exception):
@@ -49,6 +50,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `cpl params | head -1`: the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+
+
+def project_root() -> Path:
+    """Return what `cpl.store.project_root` returns, without importing the store and its pandas."""
+    return Path(__file__).resolve().parents[2]
 
 
 class _Version(argparse.Action):

@@ -6,8 +6,8 @@ import argparse
 import sys
 import time
 
+from cpl.cli import project_root
 from cpl.publish.chapters import ChapterError
-from cpl.store import project_root
 
 __all__ = ["register", "run"]
 

@@ -6,10 +6,9 @@ import argparse
 import json
 from dataclasses import asdict
 
-from cpl.cli import UsageError
+from cpl.cli import UsageError, project_root
 from cpl.publish.chapters import find_chapter, find_chapters
 from cpl.publish.parameters import Parameter, ParameterError
-from cpl.store import project_root
 
 __all__ = ["register", "run"]
 

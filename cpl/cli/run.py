@@ -6,10 +6,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from cpl.cli import UsageError
+from cpl.cli import UsageError, project_root
 from cpl.publish.chapters import ChapterError, find_chapter
 from cpl.publish.parameters import ParameterError, settings
-from cpl.store import project_root
 
 __all__ = ["register", "run"]
 
