@@ -45,6 +45,7 @@ def deadly(i: int) -> pd.DataFrame:
 
 def wrong(i: int) -> pd.DataFrame:
     if i == 3:
+        time.sleep(0.5)  # by then the other worker's shards are committed
         msg = "three is not a number we like"
         raise ArithmeticError(msg)
     return square(i)
