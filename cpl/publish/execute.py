@@ -185,6 +185,7 @@ def _tidy(notebook: Notebook) -> Notebook:
 
 
 _IPYTHON = """
+c.Application.log_level = 50  # a failing cell is reported by its traceback
 c.HistoryManager.enabled = False
 c.InlineBackend.figure_formats = {"png"}
 c.InlineBackend.rc = {"figure.dpi": 144}

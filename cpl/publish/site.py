@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -75,5 +76,12 @@ def render(stage: Path, output: Path, *, strict: bool = True) -> Path:
     )
     pages = output / "_build" / "html"
     if done.returncode != 0 or not (pages / "index.html").exists():
-        raise SiteError((done.stdout + done.stderr).strip())
+        raise SiteError(_complaints(done.stdout + done.stderr, stage))
     return pages
+
+
+def _complaints(said: str, stage: Path) -> str:
+    """Return the warnings and errors among what the renderer said, else all of it."""
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", said).replace(f"{stage}{os.sep}", "")
+    lines = [line for line in plain.splitlines() if "WARNING" in line or "ERROR" in line]
+    return "the renderer complains\n\n" + ("\n".join(lines) or plain.strip())
