@@ -1,0 +1,90 @@
+"""How the kernels are compiled: one decorator, and where the machine code is kept.
+
+Compiled code is cached by numba in `__pycache__` beside these modules or, where that is not
+writable, in the user's cache folder; NUMBA_CACHE_DIR moves it anywhere else.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+
+__all__ = ["fma", "inlined", "kernel"]
+
+# Reference counting is switched off: kernels allocate nothing, and counting the references to
+# array views cost more than half of a step. The option has no public spelling in numba.
+_OPTIONS: dict[str, Any] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "boundscheck": False,
+    "_nrt": False,
+}
+
+
+def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function as it stands.
+
+    Args:
+        function: Function over scalars and arrays that allocates nothing.
+
+    Returns:
+        The compiled function.
+    """
+    return _stamped(njit(**_OPTIONS)(function))
+
+
+def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a small function into each of its callers.
+
+    Args:
+        function: Function over scalars and arrays that allocates nothing.
+
+    Returns:
+        The compiled function.
+    """
+    return _stamped(njit(forceinline=True, **_OPTIONS)(function))
+
+
+def _stamped(dispatcher: Any) -> Any:  # noqa: ANN401
+    """Tie cached machine code to all kernels' sources.
+
+    numba looks at a function's own file only, but its callees are compiled into it: without this,
+    an edit of one module would leave stale code in the others.
+    """
+    dispatcher._cache._cache_file._source_stamp = _sources_digest()
+    return dispatcher
+
+
+@cache
+def _sources_digest() -> str:
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        source = path.read_bytes()
+        if b"cpl.highway._compile" in source or path.name == Path(__file__).name:
+            digest.update(source)
+    return digest.hexdigest()
+
+
+def _fma(typing_context, a, b, c):  # noqa: ANN001, ANN202
+    signature = types.float64(types.float64, types.float64, types.float64)
+
+    def generate(context, builder, signature, arguments):  # noqa: ANN001, ANN202
+        double = ir.DoubleType()
+        kind = ir.FunctionType(double, [double, double, double])
+        name = "llvm.fma.f64"
+        function = builder.module.globals.get(name) or ir.Function(builder.module, kind, name)
+        return builder.call(function, arguments)
+
+    return signature, generate
+
+
+fma: Any = intrinsic(_fma)
+"""Fused multiply-add fma(a, b, c) = a b + c, rounded once, on any processor."""

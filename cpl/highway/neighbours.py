@@ -1,0 +1,105 @@
+"""Who drives in front and who behind, on a given lane.
+
+A car counts as on every lane whose centre is within 3 m of it. The front car is the nearest at or
+ahead of one's position (of equals the last in the list), the rear car the nearest strictly behind
+(of equals the first). Cars are kept sorted along the road, so that both are found in a few steps;
+positions that tie exactly fall back to the scan that defines them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cpl.highway._compile import inlined, kernel
+from cpl.highway.geometry import on_lane
+from cpl.highway.layout import Car, Scratch
+
+__all__ = ["find_front", "find_rear", "own_fronts", "sort_cars"]
+
+
+@inlined
+def sort_cars(order: np.ndarray, x: np.ndarray, n: int) -> None:
+    """Sort car numbers by position; nearly sorted already, so by insertion."""
+    for k in range(1, n):
+        car = order[k]
+        position = x[car]
+        m = k
+        while m > 0 and x[order[m - 1]] > position:
+            order[m] = order[m - 1]
+            m -= 1
+        order[m] = car
+
+
+@inlined
+def own_fronts(car: Car, w: Scratch, n: int, lanes: int) -> bool:
+    """Find every car's front car on its own lane, in one sweep from the head of the road.
+
+    Args:
+        car: The environment.
+        w: Working memory; `front` (car number or n for none) and `rank` are written.
+        n: Number of cars.
+        lanes: Number of lanes.
+
+    Returns:
+        Whether two cars tie, so that the sorted order must not be used for searching.
+    """
+    tied = False
+    for lane in range(lanes):
+        w.last[lane] = n
+    for k in range(n - 1, -1, -1):
+        i = car.order[k]
+        w.rank[i] = k
+        w.front[i] = w.last[car.lane[i]]
+        for lane in range(lanes):
+            if on_lane(car.x[i], car.y[i], lane, 1.0):
+                w.last[lane] = i
+        if k > 0 and car.x[car.order[k - 1]] == car.x[i]:
+            tied = True
+    if tied:
+        for i in range(n):
+            w.front[i] = _scan_front(car, i, car.lane[i], n)
+    return tied
+
+
+@inlined
+def find_front(car: Car, w: Scratch, i: int, lane: int, n: int, tied: bool) -> int:
+    """Find car i's front car on a lane, n if there is none."""
+    if tied:
+        return _scan_front(car, i, lane, n)
+    for k in range(w.rank[i] + 1, n):
+        j = car.order[k]
+        if on_lane(car.x[j], car.y[j], lane, 1.0):
+            return j
+    return n
+
+
+@inlined
+def find_rear(car: Car, w: Scratch, i: int, lane: int, n: int, tied: bool) -> int:
+    """Find car i's rear car on a lane, n if there is none."""
+    if tied:
+        return _scan_rear(car, i, lane, n)
+    for k in range(w.rank[i] - 1, -1, -1):
+        j = car.order[k]
+        if on_lane(car.x[j], car.y[j], lane, 1.0):
+            return j
+    return n
+
+
+@kernel
+def _scan_front(car: Car, i: int, lane: int, n: int) -> int:
+    best, nearest = n, np.inf
+    for j in range(n):
+        x = car.x[j]
+        if j != i and car.x[i] <= x <= nearest and on_lane(x, car.y[j], lane, 1.0):
+            best, nearest = j, x
+    return best
+
+
+@kernel
+def _scan_rear(car: Car, i: int, lane: int, n: int) -> int:
+    best, nearest = n, -np.inf
+    for j in range(n):
+        x = car.x[j]
+        if j != i and nearest < x < car.x[i] and on_lane(x, car.y[j], lane, 1.0):
+            best, nearest = j, x
+    return best

@@ -1,0 +1,97 @@
+"""The batch kernels: reset and step a range of environments."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cpl.highway._compile import kernel
+from cpl.highway.behaviour import act, ego_action
+from cpl.highway.collisions import collide
+from cpl.highway.layout import Car, Memory, Scratch, Settings, car_views
+from cpl.highway.motion import move
+from cpl.highway.neighbours import sort_cars
+from cpl.highway.observe import observe, reward_terms
+from cpl.highway.spawn import spawn
+
+__all__ = ["refresh_range", "reset_range", "step_range"]
+
+
+@kernel
+def reset_range(
+    m: Memory,
+    s: Settings,
+    w: Scratch,
+    levels: np.ndarray,
+    features: np.ndarray,
+    ranges: np.ndarray,
+    chosen: np.ndarray,
+    obs: np.ndarray,
+    first: int,
+    stop: int,
+) -> None:
+    """Begin an episode in the chosen environments of [first, stop) and observe all of them."""
+    for e in range(first, stop):
+        if chosen[e]:
+            car = car_views(m.cars, m.codes, e)
+            m.speed_index[e] = spawn(car, s, levels, m.generator[e])
+            m.time[e] = 0.0
+            m.steps[e] = 0
+            m.ready[e] = True
+            observe(
+                car, s, features, ranges, m.generator[e], m.noise_generator[e], w.changing, obs[e]
+            )
+
+
+@kernel
+def step_range(
+    m: Memory,
+    s: Settings,
+    w: Scratch,
+    levels: np.ndarray,
+    features: np.ndarray,
+    ranges: np.ndarray,
+    actions: np.ndarray,
+    obs: np.ndarray,
+    reward: np.ndarray,
+    terms: np.ndarray,
+    terminated: np.ndarray,
+    truncated: np.ndarray,
+    first: int,
+    stop: int,
+) -> None:
+    """Advance the environments of [first, stop) by one decision."""
+    for e in range(first, stop):
+        car = car_views(m.cars, m.codes, e)
+        m.time[e] += s.policy_dt
+        ego_action(car, s, levels, m.speed_index, e, actions[e])
+        for _ in range(s.frames):
+            frame(car, s, w)
+        m.steps[e] += s.frames
+        observe(car, s, features, ranges, m.generator[e], m.noise_generator[e], w.changing, obs[e])
+        reward[e] = reward_terms(car, s, terms[e])
+        crashed = terms[e, 0] > 0.0
+        terminated[e] = crashed or (s.offroad_terminal and terms[e, 3] == 0.0)
+        truncated[e] = m.time[e] >= s.duration
+
+
+@kernel
+def refresh_range(m: Memory, s: Settings, first: int, stop: int) -> None:
+    """Rebuild what is derived from a state: directions and the order along the road."""
+    for e in range(first, stop):
+        car = car_views(m.cars, m.codes, e)
+        for i in range(s.n):
+            car.cos[i] = math.cos(car.heading[i])
+            car.sin[i] = math.sin(car.heading[i])
+            car.order[i] = i
+        sort_cars(car.order, car.x, s.n)
+
+
+@kernel
+def frame(car: Car, s: Settings, w: Scratch) -> None:
+    """Advance one environment by one simulation frame."""
+    act(car, s, w)
+    move(car, s, w)
+    sort_cars(car.order, car.x, s.n)
+    collide(car, s, w)
