@@ -1,0 +1,86 @@
+"""Tables of the book: rows in, one Markdown table out, so that a page can link and typeset it.
+
+A DataFrame's own HTML cuts long texts and knows neither links nor formulas. A Markdown table is
+typeset by the book like the text around it: a broken reference in it fails the build.
+
+Example:
+    >>> print(table([{"rule": "fixed", "share": 0.10042}], {"share": "{:.2f}"}).markdown)
+    | rule | share |
+    |---|---|
+    | fixed | 0.10 |
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Table", "table"]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table that a notebook shows as Markdown."""
+
+    markdown: str
+    """The table's source."""
+
+    def _repr_markdown_(self) -> str:
+        return self.markdown
+
+    def __str__(self) -> str:
+        return self.markdown
+
+
+def table(
+    rows: "pd.DataFrame | Iterable[Mapping[str, object]]",
+    formats: Mapping[str, str] | None = None,
+    *,
+    columns: Mapping[str, str] | None = None,
+) -> Table:
+    r"""Lay out rows as a table.
+
+    Args:
+        rows: a DataFrame, or one mapping a row with the same keys in each.
+        formats: how to write a column's values, such as `"{:.1%}"`; as text otherwise.
+        columns: which columns to show, in this order, and the heading of each; all by default.
+
+    Returns:
+        The table; bars and line breaks in texts are made harmless, other markup is kept.
+
+    Raises:
+        ValueError: if there is no row, or a column is missing.
+
+    Example:
+        >>> rows = [{"x": 1, "note": "a | b"}]
+        >>> print(table(rows, columns={"note": "remark", "x": "$x$"}))
+        | remark | $x$ |
+        |---|---|
+        | a \| b | 1 |
+    """
+    records = list(rows) if not hasattr(rows, "to_dict") else rows.to_dict("records")  # type: ignore[union-attr]
+    if not records:
+        msg = "rows must hold at least one row, got none"
+        raise ValueError(msg)
+    shown = columns or {str(key): str(key) for key in records[0]}
+    missing = [key for key in shown if any(key not in record for record in records)]
+    if missing:
+        msg = f"columns must name columns of rows, got {', '.join(map(repr, missing))}"
+        raise ValueError(msg)
+    write = dict(formats or {})
+    lines = [
+        _line(shown.values()),
+        "|" + "---|" * len(shown),
+        *(_line(write.get(key, "{}").format(record[key]) for key in shown) for record in records),
+    ]
+    return Table("\n".join(lines))
+
+
+def _line(cells: Iterable[str]) -> str:
+    return "| " + " | ".join(_cell(text) for text in cells) + " |"
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", r"\|")
