@@ -266,21 +266,33 @@ class _Setting:
         """Follow many streams of one episode: side by side, and one by one what is left over."""
         q = np.empty_like(scores)
         streams, length = scores.shape
-        in_lanes = 0 if isinstance(self.rule, PI) else streams - streams % _kernels.LANES
         row_stride, stride = (int(size > 1) for size in steps.shape)
-        last = np.zeros(in_lanes)
-        late = self._late(length)
-        _kernels.follow_lanes(
-            scores[:in_lanes], steps, row_stride, stride, late, self.alpha, self.q0, q, last
-        )
+        done = self._fill_lanes(scores, steps, (row_stride, stride), q)
         ends = np.array([length], dtype=np.int64)
-        fine = bool(np.isfinite(last).all()) and all(
-            self._fill(scores[n], steps[row_stride * n], ends, q[n])
-            for n in range(in_lanes, streams)
-        )
-        if not fine:
-            raise ValueError(_overflow(scores))
+        for n in range(done, streams):
+            if not self._fill(scores[n], steps[row_stride * n], ends, q[n]):
+                raise ValueError(_overflow(scores))
         return Track(q, scores > q)
+
+    def _fill_lanes(
+        self, scores: FloatArray, steps: FloatArray, strides: tuple[int, int], q: FloatArray
+    ) -> int:
+        """Fill ``q`` of as many streams as go side by side; return how many those are."""
+        if isinstance(self.rule, PI):
+            return 0
+        streams, length = scores.shape
+        many = streams - streams % _kernels.LANES
+        last = np.empty(many)
+        if self.delay == 1:
+            _kernels.follow_lanes(scores[:many], steps, *strides, self.alpha, self.q0, q, last)
+        else:
+            late = self._late(length)
+            _kernels.follow_lanes_late(
+                scores[:many], steps, *strides, late, self.alpha, self.q0, q, last
+            )
+        if not np.isfinite(last).all():
+            raise ValueError(_overflow(scores))
+        return many
 
     def _fill(self, scores: FloatArray, steps: FloatArray, ends: IntArray, q: FloatArray) -> bool:
         """Fill ``q`` of one stream; return whether its state stayed finite."""

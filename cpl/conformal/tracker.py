@@ -3,6 +3,7 @@
 import copy
 import math
 from collections import deque
+from collections.abc import Iterator
 from sys import float_info
 from typing import SupportsFloat
 
@@ -101,9 +102,10 @@ class Tracker:
         self.bounds = as_bounds(bounds)
         # One comparison with the range refuses NaN, the infinities and what lies outside.
         self._low, self._high = self.bounds or (-float_info.max, float_info.max)
-        # The two moves of a fixed step with ordinary feedback need no rule to be asked.
-        self._constant = isinstance(rule, Fixed) and self.delay == 1
+        # The two moves of a fixed step with ordinary feedback need no rule to be asked; a step
+        # below a tenth of the greatest number's last place cannot move q out of range, either.
         eta = rule.eta if isinstance(rule, Fixed) else 0.0
+        self._constant = self.delay == 1 and 0.0 < eta < 1e290
         self._up, self._down = eta * (1.0 - self.alpha), eta * self.alpha
         self.reset()
 
@@ -135,13 +137,13 @@ class Tracker:
         if type(score) is not float or not self._low <= score <= self._high:
             score = as_score(score, self.bounds)
         q = self._q
-        err = score > q
         if self._constant:
-            moved = q + self._up if err else q - self._down
-            if moved - moved != 0.0:
-                raise ValueError(_overflow(score))
-            self._q = self._p = moved
-            return err
+            if score > q:
+                self._q = q + self._up
+                return True
+            self._q = q - self._down
+            return False
+        err = score > q
         pending = self._pending
         if len(pending) + 1 < self.delay:
             pending.append((score, err))
@@ -212,8 +214,12 @@ class Tracker:
         """
         checked = as_scores(scores, ndim=1, bounds=self.bounds)
         values: list[float] = checked.tolist()
-        met = self._extend_constant(values) if self._constant else self._extend_any(values)
-        q = np.array(met, dtype=np.float64)
+        if self._constant:
+            met = _march(values, self._q, self._up, self._down)
+            q = np.fromiter(met, np.float64, len(values) + 1)
+            self._q = float(q[-1])
+            return Track(q[:-1], checked > q[:-1])
+        q = np.array(self._extend_any(values), dtype=np.float64)
         return Track(q, checked > q)
 
     def drop_pending(self) -> int:
@@ -237,7 +243,8 @@ class Tracker:
         """
         start = self.q0 if q0 is None else as_number("q0", q0) + 0.0
         rule = self.rule
-        self._p = self._q = start
+        self._q = start
+        self._p = start  # the proportional state, where an integral comes on top of it
         self._pending: deque[tuple[float, bool]] = deque()
         self._stepper = (rule.rule if isinstance(rule, PI) else rule).stepper()
         self._integral = _Integral(rule, self.alpha) if isinstance(rule, PI) else None
@@ -245,24 +252,13 @@ class Tracker:
     def _apply(self, score: float, err: bool) -> None:
         """Move by one event of feedback; nothing is changed before the last check."""
         step = self._stepper.peek(score)
-        p = self._p + step * (1.0 - self.alpha) if err else self._p - step * self.alpha
+        p = self._q if self._integral is None else self._p
+        p = p + step * (1.0 - self.alpha) if err else p - step * self.alpha
         if p - p != 0.0:
             raise ValueError(_overflow(score))
         self._stepper.push(score)
         self._p = p
         self._q = p if self._integral is None else self._integral.onto(p, err)
-
-    def _extend_constant(self, scores: list[float]) -> list[float]:
-        met: list[float] = []
-        take = met.append
-        up, down, q = self._up, self._down, self._q
-        for score in scores:
-            take(q)
-            q = q + up if score > q else q - down
-        if q - q != 0.0:
-            raise ValueError(_overflow(max(scores)))
-        self._q = self._p = q
-        return met
 
     def _extend_any(self, scores: list[float]) -> list[float]:
         trial = copy.deepcopy(self)
@@ -301,6 +297,14 @@ class _Integral:
         if abs(z) >= 0.5 * math.pi:
             return math.copysign(math.inf, z)
         return p + rule.K_I * math.tan(z)
+
+
+def _march(scores: list[float], q: float, up: float, down: float) -> Iterator[float]:
+    """Yield the thresholds of a fixed step, the one after the last score included."""
+    yield q
+    for score in scores:
+        q = q + up if score > q else q - down
+        yield q
 
 
 def _overflow(score: float) -> str:
