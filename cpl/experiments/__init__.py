@@ -1,0 +1,102 @@
+"""One module an experiment: what is asked, with which settings, and how a shard of it is computed.
+
+An experiment is a module of this folder with
+
+- a docstring whose first line is its question,
+- `Config`, a frozen dataclass whose fields are numbers, text or tuples of them,
+- `PROFILES`, one `Config` each for `smoke` (seconds), `book` (while you wait), `paper` (published),
+- `LABEL`, what kind of evidence it gives (`exact`, `simulated`, ...),
+- `shards(config)`, the pieces it is cut into,
+- `run_shard(config, shard)`, a pure function that returns the piece's table.
+
+Nothing here imports an experiment until it is named: a chapter that shows one does not depend on
+the code of the others.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cpl.experiments._result import Report, Result
+
+__all__ = ["compute", "names", "published", "verify"]
+
+
+def compute(name: str, profile: str = "book", **changes: object) -> Result:
+    """Compute an experiment, or find what was computed before with the same code and settings.
+
+    Args:
+        name: Name of the experiment.
+        profile: `smoke`, `book` or `paper`.
+        changes: Settings that differ from the profile's.
+
+    Returns:
+        The table with its configuration and provenance.
+
+    Raises:
+        ValueError: If there is no such experiment, profile or setting, or a value does not fit.
+
+    Examples:
+        >>> table = compute("proximity", profile="smoke").table
+        >>> table.columns.tolist()
+        ['l_m', 'l_tilde']
+    """
+    from cpl.experiments._machinery import compute as _compute
+
+    return _compute(name, profile, changes)
+
+
+def published(name: str, profile: str = "paper") -> Result:
+    """Return a published result; it is read, never computed.
+
+    Args:
+        name: Name of the experiment.
+        profile: The profile it was published with.
+
+    Returns:
+        The table with its configuration and provenance; `provenance.stale` says why it is
+        unverified, if it is.
+
+    Raises:
+        FileNotFoundError: If it is not published.
+        cpl.store.DamagedResultError: If its files do not agree with each other.
+    """
+    from cpl.experiments._machinery import published as _published
+
+    return _published(name, profile)
+
+
+def verify(name: str, profile: str = "paper", *, sample: int = 2, seed: int = 0) -> Report:
+    """Re-execute a seeded sample of the shards of a published result and compare.
+
+    What is discrete must be equal, floats agree to the experiment's tolerance.
+
+    Args:
+        name: Name of the experiment.
+        profile: The profile it was published with.
+        sample: How many shards.
+        seed: Which ones.
+
+    Returns:
+        What was compared and what differed; `report.agrees`.
+
+    Raises:
+        FileNotFoundError: If it is not published.
+        ValueError: If there is no such experiment, or ``sample`` is not positive.
+    """
+    from cpl.experiments._machinery import verify as _verify
+
+    return _verify(name, profile, sample=sample, seed=seed)
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of all experiments, sorted, without importing any.
+
+    Examples:
+        >>> "proximity" in names()
+        True
+    """
+    import pkgutil
+
+    return tuple(sorted(m.name for m in pkgutil.iter_modules(__path__) if m.name[0] != "_"))
