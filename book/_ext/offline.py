@@ -3,6 +3,7 @@
 - MathJax comes from the installed package `sphinx-mathjax-offline`; of its 24 MB only the renderer,
   the fonts and the small TeX extensions that it may load are published.
 - Each page describes itself to search engines and link previews with its first sentences.
+- Roles that the theme gives wrongly, and that mislead screen readers, are taken back.
 - Files that no page ever loads (translations of the theme, source maps) are left out.
 """
 
@@ -18,6 +19,10 @@ from sphinx.application import Sphinx
 
 _MATHJAX = ("tex-chtml.js", "input/tex/extensions", "output/chtml/fonts/woff-v2")
 _NEVER_LOADED = ("_static/locales", "_static/**/*.map", "_static/**/*.ttf", "_static/images/logo_*")
+_WRONG_ROLES = {
+    ' role="list" class="citation-list"': ' class="citation-list"',
+    ' role="doc-biblioentry"': "",
+}
 _DESCRIPTION = 200  # characters that a search engine shows
 
 
@@ -25,6 +30,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     """Connect the extension."""
     app.connect("config-inited", _use_local_mathjax)
     app.connect("html-page-context", _describe)
+    app.connect("html-page-context", _mend_roles)
     app.connect("build-finished", _copy_mathjax)
     app.connect("build-finished", _leave_out)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
@@ -66,6 +72,8 @@ def _describe(
     _app: Sphinx, page: str, _template: str, context: dict[str, Any], doctree: nodes.document | None
 ) -> None:
     """Add the page's description, unless its author wrote one."""
+    if context.get("title") == context.get("docstitle"):
+        context["docstitle"] = ""  # the front page is not called "Book - Book"
     if doctree is None or 'name="description"' in context.get("metatags", ""):
         return
     text = next((_words(p) for p in doctree.findall(nodes.paragraph) if len(_words(p)) > 60), "")
@@ -74,6 +82,18 @@ def _describe(
     values = {"description": text, "og:title": context.get("title", page), "og:description": text}
     tags = "".join(_tag(name, value) for name, value in values.items() if value)
     context["metatags"] = context.get("metatags", "") + tags
+
+
+def _mend_roles(
+    _app: Sphinx,
+    _page: str,
+    _template: str,
+    context: dict[str, Any],
+    _doctree: nodes.document | None,
+) -> None:
+    """Make the bibliography plain text: its roles are deprecated, or forbid its links."""
+    for wrong, right in _WRONG_ROLES.items():
+        context["body"] = context.get("body", "").replace(wrong, right)
 
 
 def _words(paragraph: nodes.paragraph) -> str:
