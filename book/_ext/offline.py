@@ -73,7 +73,7 @@ def _describe(
 ) -> None:
     """Add the page's description, unless its author wrote one."""
     if context.get("title") == context.get("docstitle"):
-        context["docstitle"] = ""  # the front page is not called "Book - Book"
+        context["title"] = "Start here"  # not "Book - Book"
     if doctree is None or 'name="description"' in context.get("metatags", ""):
         return
     text = next((_words(p) for p in doctree.findall(nodes.paragraph) if len(_words(p)) > 60), "")
