@@ -1,0 +1,1 @@
+"""What comes next: forecasts of the road and of the robot."""
