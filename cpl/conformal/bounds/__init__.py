@@ -12,7 +12,7 @@ from cpl.conformal.bounds.safe import (
     eventually_safe_deviation_bound,
     eventually_safe_overshoot,
     eventually_safe_range,
-    eventually_safe_range_sharp,
+    eventually_safe_range_going_on,
 )
 from cpl.conformal.bounds.varying import (
     decreasing_step_bound,
@@ -54,7 +54,7 @@ __all__ = [
     "eventually_safe_deviation_bound",
     "eventually_safe_overshoot",
     "eventually_safe_range",
-    "eventually_safe_range_sharp",
+    "eventually_safe_range_going_on",
     "increasing_step_bound",
     "interleaved_deviation_bound",
     "inverse_step_variation",

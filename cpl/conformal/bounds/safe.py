@@ -22,16 +22,19 @@ __all__ = [
     "eventually_safe_deviation_bound",
     "eventually_safe_overshoot",
     "eventually_safe_range",
-    "eventually_safe_range_sharp",
+    "eventually_safe_range_going_on",
 ]
 
 
 def eventually_safe_overshoot(alpha: Number, K: int) -> int:
-    r"""Return the largest number of misses by which `q` can overshoot the floor: `ceil(alpha K)`.
+    r"""Return how many misses `q` can overshoot the floor by, if the run goes on: `ceil(alpha K)`.
 
     One miss lifts `q` from below the floor to above it. From there, `n` further misses within `K`
     steps are possible only if :math:`n < \alpha K`: with :math:`n \ge \alpha K` the quantile would
     still be above the floor when the block ends, and the block would have too many misses.
+
+    The block must end, though. The assumption says nothing about a block that the end of a run
+    cuts short, so in the last `K - 1` steps of a finite run there may be `K` misses.
 
     >>> [eventually_safe_overshoot(0.1, K) for K in (1, 4, 10, 11, 30)]
     [1, 1, 1, 2, 3]
@@ -62,16 +65,16 @@ def eventually_safe_range(
     return _range(alpha, eta, q_floor, misses=count(K, "K"))
 
 
-def eventually_safe_range_sharp(
+def eventually_safe_range_going_on(
     alpha: Number, eta: Number, q_floor: Number, *, K: int = 1
 ) -> QuantileRange:
-    r"""Return a smaller range: `ceil(alpha K)` in place of `K`.
+    r"""Return a smaller range, for a run that goes on for `K` steps more: `ceil(alpha K)` for `K`.
 
     .. math:: -\alpha\eta \;\le\; q_t \;<\; q^{floor} + \lceil\alpha K\rceil(1-\alpha)\eta
 
     Paper: not in it; see `eventually_safe_overshoot` for the reason.
 
-    >>> print(eventually_safe_range_sharp(0.1, 0.1, 0.5, K=4))
+    >>> print(eventually_safe_range_going_on(0.1, 0.1, 0.5, K=4))
     [-0.01, 0.59)
     """
     return _range(alpha, eta, q_floor, misses=eventually_safe_overshoot(alpha, K))

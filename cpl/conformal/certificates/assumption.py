@@ -228,9 +228,10 @@ CERTIFICATES: tuple[Certificate, ...] = (
     Certificate(
         name="overshoot is ceil(alpha K) rises, not K",
         kind="proof",
-        statement="Within its first block an excursion has fewer than alpha K misses: with more, "
-        "the quantile could not be back below the floor before the block ends, and the block would "
-        "break the assumption.",
+        statement="If the run goes on, an excursion's first block has fewer than alpha K misses: "
+        "with more, the quantile could not be back below the floor before the block ends, and the "
+        "block would break the assumption. (K rises are possible only where the end of a run cuts "
+        "the block short.)",
         formula=r"q_t < q^{floor}+\lceil\alpha K\rceil(1-\alpha)\eta",
         machine="that the block stays above the floor, and the contradiction",
         by_hand="the same cutting into blocks; before the misses reach alpha K the quantile is "
