@@ -110,13 +110,16 @@ class HighwayEnv(gymnasium.Env[NDArray[np.float32], np.int64]):
         Raises:
             ValueError: if the action is not one of the five, or no reset came before.
         """
-        out = self._engine.step(np.asarray(action).reshape(1))
+        decision = np.asarray(action)
+        if decision.size != 1 or decision.dtype.kind not in "iu":
+            raise ValueError(f"action must be one integer, got {action!r}")
+        out = self._engine.step(decision.reshape(1))
         return (
             out.obs[0],
             float(out.reward[0]),
             bool(out.terminated[0]),
             bool(out.truncated[0]),
-            info_dict(out.info, 0, int(action)),
+            info_dict(out.info, 0, int(decision.reshape(1)[0])),
         )
 
     def render(self) -> NDArray[np.uint8] | None:

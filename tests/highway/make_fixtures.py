@@ -38,7 +38,9 @@ def main() -> None:
     parser.add_argument("--stages", nargs="*", choices=[*oracle.INJECTED, *oracle.STAGES])
     arguments = parser.parse_args()
     stages = arguments.stages or [
-        name for name in ("injected", *oracle.STAGES) if not (FIXTURES / f"{name}.json").exists()
+        name
+        for name in (*oracle.INJECTED, *oracle.STAGES)
+        if not (FIXTURES / f"{name}.json").exists()
     ]
     FIXTURES.mkdir(exist_ok=True)
     with ProcessPoolExecutor(arguments.jobs, mp_context=get_context("spawn")) as pool:
