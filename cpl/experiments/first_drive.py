@@ -114,8 +114,8 @@ def along(table: pd.DataFrame) -> pd.DataFrame:
     Returns:
         One row a step: the ego's columns and `l_tilde`, the squashed distance to the nearest car.
     """
-    ego = table[table["vehicle"] == 0].reset_index(drop=True)
-    return ego.assign(l_tilde=proximity(ego["l_m"].to_numpy()))
+    ego = table.loc[table["vehicle"] == 0].reset_index(drop=True)
+    return ego.assign(l_tilde=proximity(ego["l_m"]))
 
 
 def _options(config: Config, top: float) -> dict[str, Any]:
@@ -153,4 +153,4 @@ def _frame(state: dict[str, Any], action: int) -> pd.DataFrame:
             "l_m": float(nearest_distance(here[0], here[1:])),
         }
     )
-    return frame[np.abs(here[:, 0] - here[0, 0]) <= _KEPT]
+    return frame.loc[np.abs(here[:, 0] - here[0, 0]) <= _KEPT]

@@ -32,11 +32,11 @@ def moments(frames: Mapping[str, pd.DataFrame], *, lanes_count: int, ahead: floa
     """
     figure, panels = cards(len(frames), 0.35 + 1.15 * len(frames))
     for axes, (name, frame) in zip(panels, frames.items(), strict=True):
-        ego = frame[frame["vehicle"] == 0]
+        ego = frame.loc[frame["vehicle"] == 0, "x_m"].tolist()
         if len(ego) != 1:
             raise ValueError(f"frames[{name!r}] must have one row with vehicle 0, not {len(ego)}")
         _lanes(axes, lanes_count)
-        here = frame.assign(x_m=frame["x_m"] - float(ego["x_m"].iloc[0]))
+        here = frame.assign(x_m=frame["x_m"] - ego[0])
         for car in here[here["x_m"].between(-30, ahead)].itertuples():
             _car(axes, car)
         axes.set_title(name)
