@@ -51,12 +51,13 @@ def run(args: argparse.Namespace) -> int:
 
     from cpl.publish.execute import ExecutionError
     from cpl.publish.run import new_folder, run_chapter
+    from cpl.publish.site import SiteError
 
     folder = args.out or new_folder(root, chapter, chosen)
     print(f"executing {chapter.name} with {dict(chosen) or 'its own parameters'}", file=sys.stderr)
     try:
         run_chapter(chapter, chosen, folder, root)
-    except ExecutionError as error:
+    except (ChapterError, ExecutionError, SiteError) as error:
         print(f"cpl run: {error}", file=sys.stderr)
         return 1
     for ending in ("html", "ipynb", "json"):

@@ -12,7 +12,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from cpl.publish.chapters import Chapter, find_pages
+from cpl.publish.chapters import Chapter, ChapterError, find_pages
+from cpl.publish.contract import unexplained_figures
 from cpl.publish.execute import with_outputs
 from cpl.publish.provenance import footer
 from cpl.store import atomic_write
@@ -55,11 +56,17 @@ def write_stage(
 
 
 def staged_notebook(chapter: Chapter, executed: str, record: Mapping[str, Any]) -> str:
-    """Return the notebook that is published: today's text, kept outputs, and the footer."""
+    """Return the notebook that is published: today's text, kept outputs, and the footer.
+
+    Raises:
+        ChapterError: If a figure has no alternative text, or shares its cell with another one.
+    """
     import nbformat
 
     old = nbformat.reads(executed, as_version=4)
     notebook = old if record["chosen"] else with_outputs(chapter, old)
+    if problems := unexplained_figures(chapter, notebook):
+        raise ChapterError("\n".join(problems))
     notebook.cells.append(nbformat.v4.new_markdown_cell(footer(chapter, record), id="provenance"))
     return json.dumps(notebook, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
 
