@@ -109,7 +109,8 @@ def as_scores(
     if array.ndim != ndim:
         msg = f"{name} must have {ndim} dimension(s), got shape {array.shape}"
         raise ValueError(msg)
-    scores = np.ascontiguousarray(array, dtype=np.float64)
+    # A read-only array (pandas hands those out) would make numba compile every kernel anew.
+    scores = np.require(array, np.float64, ["C", "A", "W"])
     good = np.isfinite(scores)
     if not good.all():
         raise ValueError(_first_bad(name, scores, good, "must be finite"))

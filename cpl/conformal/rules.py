@@ -361,5 +361,5 @@ def as_rule(value: object) -> Rule:
 def _rolling_max(rows: FloatArray, window: int) -> FloatArray:
     out = np.empty_like(rows)
     # A window longer than the rows is the rows' length: no int64 can overflow in the kernel.
-    _kernels.rolling_max(rows, min(window, max(rows.shape[1], 1)), out)
+    _kernels.rolling_max(rows, max(min(window, rows.shape[1]), 1), out)
     return out
