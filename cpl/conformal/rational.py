@@ -32,8 +32,9 @@ def rational(value: Number | SupportsFloat, name: str = "value") -> Fraction:
     Raises:
         ValueError: if the value is not a finite real number.
 
-    >>> rational(0.1), rational(3), rational(Fraction(1, 3))
-    (Fraction(1, 10), Fraction(3, 1), Fraction(1, 3))
+    Examples:
+        >>> rational(0.1), rational(3), rational(Fraction(1, 3))
+        (Fraction(1, 10), Fraction(3, 1), Fraction(1, 3))
     """
     if isinstance(value, bool):
         msg = f"{name} must be a number, got {value!r}"
@@ -58,8 +59,9 @@ def positive(value: Number, name: str) -> Fraction:
     Raises:
         ValueError: naming the argument and its value, if it is not a finite number > 0.
 
-    >>> positive(0.05, "eta")
-    Fraction(1, 20)
+    Examples:
+        >>> positive(0.05, "eta")
+        Fraction(1, 20)
     """
     number = rational(value, name)
     if number <= 0:
@@ -74,8 +76,9 @@ def level(alpha: Number) -> Fraction:
     Raises:
         ValueError: if `alpha` lies outside the open interval (0, 1).
 
-    >>> level(0.1)
-    Fraction(1, 10)
+    Examples:
+        >>> level(0.1)
+        Fraction(1, 10)
     """
     number = rational(alpha, "alpha")
     if not 0 < number < 1:
@@ -90,8 +93,9 @@ def count(value: int, name: str, *, least: int = 1) -> int:
     Raises:
         ValueError: naming the argument and its value, if it is not such an integer.
 
-    >>> count(40, "W")
-    40
+    Examples:
+        >>> count(40, "W")
+        40
     """
     if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < least:
         msg = f"{name} must be an integer >= {least}, got {value!r}"
@@ -104,8 +108,9 @@ def like(value: Fraction, *inputs: Number) -> float | Fraction:
 
     Exact in, exact out; with floats, the exact result rounded once.
 
-    >>> like(Fraction(3, 8), 0.1, 40), like(Fraction(3, 8), Fraction(1, 10), 40)
-    (0.375, Fraction(3, 8))
+    Examples:
+        >>> like(Fraction(3, 8), 0.1, 40), like(Fraction(3, 8), Fraction(1, 10), 40)
+        (0.375, Fraction(3, 8))
     """
     if all(isinstance(number, numbers.Rational) for number in inputs):
         return value

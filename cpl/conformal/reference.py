@@ -140,8 +140,10 @@ def follow_as_printed(scores: Iterable[Number], *, alpha: Number, eta: Number) -
 def running_maximum(c: Number) -> StepSize:
     """Return the rule `c` times the largest score so far, the current one included.
 
-    >>> [str(running_maximum(0.5)([Fraction(1), Fraction(3), Fraction(2)], t)) for t in range(3)]
-    ['1/2', '3/2', '3/2']
+    Examples:
+        >>> rule = running_maximum(0.5)
+        >>> [str(rule([Fraction(1), Fraction(3), Fraction(2)], t)) for t in range(3)]
+        ['1/2', '3/2', '3/2']
     """
     share = positive(c, "c")
     seen: list[Fraction] = []
@@ -161,9 +163,10 @@ def trailing_maximum(
 ) -> StepSize:
     """Return the rule `c` times the largest of the last `window` scores, but at least `floor`.
 
-    >>> rule = trailing_maximum(0.5, window=2, floor=0.25)
-    >>> [str(rule([Fraction(1), Fraction(3), Fraction(0), Fraction(0)], t)) for t in range(4)]
-    ['1/2', '3/2', '3/2', '1/4']
+    Examples:
+        >>> rule = trailing_maximum(0.5, window=2, floor=0.25)
+        >>> [str(rule([Fraction(1), Fraction(3), Fraction(0), Fraction(0)], t)) for t in range(4)]
+        ['1/2', '3/2', '3/2', '1/4']
     """
     share, length, least = positive(c, "c"), count(window, "window"), rational(floor, "floor")
 
@@ -179,8 +182,9 @@ def trailing_range(lr: Number, window: int) -> StepSize:
 
     The first step is `lr` itself.
 
-    >>> [str(trailing_range(0.5, window=2)([Fraction(1), Fraction(3)], t)) for t in (0, 1, 2)]
-    ['1/2', '0', '1']
+    Examples:
+        >>> [str(trailing_range(0.5, window=2)([Fraction(1), Fraction(3)], t)) for t in (0, 1, 2)]
+        ['1/2', '0', '1']
     """
     share, length = positive(lr, "lr"), count(window, "window")
 

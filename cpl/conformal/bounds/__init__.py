@@ -1,12 +1,22 @@
 """What the tracker guarantees: one small pure function for each statement.
 
-`window` holds Theorem 1 and its exact form (fixed step, feedback delay), `varying` the variable
-step, `safe` the eventually safe policy with unbounded scores, `integral` the saturated integrator.
-All take `alpha` (always miscoverage), `eta`, `B` and `W` as in the paper. Arguments are read as
-exact numbers (see `cpl.conformal.rational`): counts of misses are exact integers; rates are
-fractions if all inputs are, else floats rounded once.
+`window` holds Theorem 1 and its exact form (fixed step, feedback delay), `horizon` what that means
+over time, `varying` the variable step, `safe` the eventually safe policy with unbounded scores,
+`integral` the saturated integrator. All take `alpha` (always miscoverage), `eta`, `B` and `W` as in
+the paper. Arguments are read as exact numbers (see `cpl.conformal.rational`): counts of misses are
+exact integers; rates are fractions if all inputs are, else floats rounded once.
 """
 
+from cpl.conformal.bounds.horizon import (
+    error_rate_bound_with_resets,
+    interleaved_deviation_bound,
+    latch_ratio,
+    longest_miss_run,
+    smallest_informative_window,
+    smallest_two_sided_window,
+    unscored_predictions,
+    window_table,
+)
 from cpl.conformal.bounds.integral import pi_envelope, pi_error_range, pi_turning_point
 from cpl.conformal.bounds.safe import (
     eventually_safe_deviation_bound,
@@ -26,22 +36,14 @@ from cpl.conformal.bounds.window import (
     attained_for_certain,
     deviation_bound,
     error_rate_bound,
-    error_rate_bound_with_resets,
-    interleaved_deviation_bound,
-    latch_ratio,
-    longest_miss_run,
     max_errors,
     max_errors_from_start,
     min_errors,
     min_errors_from_start,
     quantile_range,
     quantile_range_as_printed,
-    smallest_informative_window,
-    smallest_two_sided_window,
-    unscored_predictions,
     window_errors,
     window_errors_as_printed,
-    window_table,
 )
 
 __all__ = [

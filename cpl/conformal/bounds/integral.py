@@ -1,11 +1,11 @@
 r"""Bounds for the fixed step plus a saturated integrator (conformal PI control).
 
-After `n` scores, with :math:`E_n = \sum_{i\le n}(\mathrm{err}_i-\alpha)` and :math:`q_1 = 0`,
+After `n` scores, with $E_n = \sum_{i\le n}(\mathrm{err}_i-\alpha)$ and $q_1 = 0$,
 
-.. math:: q_{n+1} = \eta E_n
-    + K_I\tan\!\Bigl(\frac{E_{n-\mathrm{lag}}\,\log n}{C_{sat}\,n}\Bigr),
+$$q_{n+1} = \eta E_n
+  + K_I\tan\!\Bigl(\frac{E_{n-\mathrm{lag}}\,\log n}{C_{sat}\,n}\Bigr),$$
 
-and :math:`\pm\infty` where the argument leaves :math:`(-\pi/2,\pi/2)`. `lag=0` is the textbook
+and $\pm\infty$ where the argument leaves $(-\pi/2,\pi/2)$. `lag=0` is the textbook
 form; `lag=1` is what the public code of the conformal PID paper computes, and it obeys a weaker
 bound: its integrator can still be empty when one more miss has already happened.
 
@@ -26,10 +26,10 @@ __all__ = ["pi_envelope", "pi_error_range", "pi_turning_point"]
 def pi_turning_point(n: int, *, eta: Number, B: Number, K_I: Number, C_sat: Number) -> float:
     r"""Return the excess of misses from which, after `n` scores, the next score is covered.
 
-    .. math:: m_n = \min\Bigl(C_{sat}\arctan\frac{B}{K_I}\cdot\frac{n}{\log n},\;
-        \frac{B}{\eta}\Bigr),\qquad m_1 = \frac{B}{\eta}
+    $$m_n = \min\Bigl(C_{sat}\arctan\frac{B}{K_I}\cdot\frac{n}{\log n},\;
+      \frac{B}{\eta}\Bigr),\qquad m_1 = \frac{B}{\eta}$$
 
-    If :math:`E_n\ge m_n`, the integrator alone or the fixed step alone lifts `q` to `B`.
+    If $E_n\ge m_n$, the integrator alone or the fixed step alone lifts `q` to `B`.
 
     Args:
         n: number of scores seen [steps].
@@ -38,12 +38,13 @@ def pi_turning_point(n: int, *, eta: Number, B: Number, K_I: Number, C_sat: Numb
         K_I: gain of the integrator > 0 [score].
         C_sat: saturation constant > 0 [misses].
 
-    By hand: log 1 = 0 empties the integrator, and B / eta = 10.
+    Examples:
+        By hand: log 1 = 0 empties the integrator, and B / eta = 10.
 
-    >>> pi_turning_point(1, eta=0.1, B=1, K_I=1, C_sat=1)
-    10.0
-    >>> round(pi_turning_point(8, eta=0.1, B=1, K_I=1, C_sat=1), 3)  # pi/4 * 8 / log 8
-    3.022
+        >>> pi_turning_point(1, eta=0.1, B=1, K_I=1, C_sat=1)
+        10.0
+        >>> round(pi_turning_point(8, eta=0.1, B=1, K_I=1, C_sat=1), 3)  # pi/4 * 8 / log 8
+        3.022
     """
     steps = float(positive(B, "B") / positive(eta, "eta"))
     gain, saturation = positive(K_I, "K_I"), positive(C_sat, "C_sat")
@@ -63,10 +64,10 @@ def pi_envelope(
     C_sat: Number,
     lag: int = 0,
 ) -> list[float]:
-    r"""Return an upper bound on :math:`E_n` for every `n = 1, ..., T`, step by step.
+    r"""Return an upper bound on $E_n$ for every `n = 1, ..., T`, step by step.
 
-    .. math:: U_{n+1} = \max\bigl(U_n-\alpha,\ \min(U_n, m_n + (1-\alpha)\mathrm{lag}) + 1-\alpha
-        \bigr),\qquad U_0 = 0
+    $$U_{n+1} = \max\bigl(U_n-\alpha,\ \min(U_n, m_n + (1-\alpha)\mathrm{lag}) + 1-\alpha
+      \bigr),\qquad U_0 = 0$$
 
     Below the turning point one more miss is possible; above it the next score is covered. With one
     step of lag the turning point is passed one miss late.
@@ -89,10 +90,11 @@ def pi_envelope(
     Raises:
         ValueError: if `lag` is neither 0 nor 1, or another argument is out of range.
 
-    By hand: at most one miss a step, .9 each, as long as nothing saturates.
+    Examples:
+        By hand: at most one miss a step, .9 each, as long as nothing saturates.
 
-    >>> [round(x, 1) for x in pi_envelope(4, alpha=0.1, eta=0.1, B=1, K_I=1, C_sat=5)]
-    [0.9, 1.8, 2.7, 3.6]
+        >>> [round(x, 1) for x in pi_envelope(4, alpha=0.1, eta=0.1, B=1, K_I=1, C_sat=5)]
+        [0.9, 1.8, 2.7, 3.6]
     """
     a = float(level(alpha))
     slack = (1 - a) * _lag(lag)
@@ -116,10 +118,10 @@ def pi_error_range(
     C_sat: Number,
     lag: int = 0,
 ) -> tuple[float, float]:
-    r"""Return the range of :math:`E_T = \sum_{i\le T}(\mathrm{err}_i-\alpha)` in closed form.
+    r"""Return the range of $E_T = \sum_{i\le T}(\mathrm{err}_i-\alpha)$ in closed form.
 
-    .. math:: -(1+\mathrm{lag})\,\alpha \;\le\; E_T \;\le\;
-        \max_{n<T} \min(m_n, n(1-\alpha)) + (1+\mathrm{lag})(1-\alpha)
+    $$-(1+\mathrm{lag})\,\alpha \;\le\; E_T \;\le\;
+      \max_{n<T} \min(m_n, n(1-\alpha)) + (1+\mathrm{lag})(1-\alpha)$$
 
     The `n (1 - alpha)` says that `n` scores cannot be missed more than `n` times. It matters only
     for the first few steps, where the integrator is switched off by `log 1 = 0`: without it a
@@ -134,10 +136,11 @@ def pi_error_range(
         C_sat: saturation constant > 0 [misses].
         lag: 0 for the textbook form, 1 for the public code's.
 
-    By hand: after 2 scores at most 2 misses, 2 * .9 = 1.8.
+    Examples:
+        By hand: after 2 scores at most 2 misses, 2 * .9 = 1.8.
 
-    >>> pi_error_range(2, alpha=0.1, eta=0.1, B=1, K_I=1, C_sat=1)
-    (-0.1, 1.8)
+        >>> pi_error_range(2, alpha=0.1, eta=0.1, B=1, K_I=1, C_sat=1)
+        (-0.1, 1.8)
     """
     a, late = float(level(alpha)), 1 + _lag(lag)
     turning = (

@@ -1,12 +1,12 @@
 r"""Bounds when the step size varies: Abel summation instead of telescoping.
 
-.. math:: q_{t+1} = q_t + \eta_t(\mathrm{err}_t-\alpha)
-   \quad\Longrightarrow\quad
-   \sum_{t=T_0}^{T_0+W-1}(\mathrm{err}_t-\alpha) = \sum_t \frac{q_{t+1}-q_t}{\eta_t}
+$$q_{t+1} = q_t + \eta_t(\mathrm{err}_t-\alpha)
+  \quad\Longrightarrow\quad
+  \sum_{t=T_0}^{T_0+W-1}(\mathrm{err}_t-\alpha) = \sum_t \frac{q_{t+1}-q_t}{\eta_t}$$
 
-The paper uses :math:`\eta_t = 0.1\hat B_t` and calls a guarantee trivial. It depends on what
-:math:`\hat B_t` is, which the paper does not say (erratum 11): true for a running maximum, false
-for a trailing one (`cpl.conformal.adversary` has the sequences).
+The paper uses $\eta_t = 0.1\hat B_t$ and calls a guarantee trivial. It depends on what
+$\hat B_t$ is, which the paper does not say (erratum 11): true for a running maximum, false
+for a trailing one (`cpl.conformal.traps` has the sequences).
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ __all__ = [
 def inverse_step_variation(etas: Sequence[Number]) -> float | Fraction:
     r"""Return what a window's step sizes cost in Abel's summation.
 
-    .. math:: V = \frac{1}{\eta_{T_0}}
-        + \sum_{t=T_0+1}^{T_0+W-1}\Bigl(\frac{1}{\eta_t}-\frac{1}{\eta_{t-1}}\Bigr)_+
+    $$V = \frac{1}{\eta_{T_0}}
+      + \sum_{t=T_0+1}^{T_0+W-1}\Bigl(\frac{1}{\eta_t}-\frac{1}{\eta_{t-1}}\Bigr)_+$$
 
     Only shrinking steps cost; growing ones are free.
 
@@ -42,10 +42,11 @@ def inverse_step_variation(etas: Sequence[Number]) -> float | Fraction:
     Raises:
         ValueError: if there is no step, or one is not > 0.
 
-    By hand: 1/1 + (1/0.5 - 1/1) + 0 = 2.
+    Examples:
+        By hand: 1/1 + (1/0.5 - 1/1) + 0 = 2.
 
-    >>> inverse_step_variation([1, 0.5, 1])
-    2.0
+        >>> inverse_step_variation([1, 0.5, 1])
+        2.0
     """
     steps = _steps(etas)
     terms = [1 / steps[0], *(1 / b - 1 / a for a, b in pairwise(steps) if b < a)]
@@ -60,7 +61,7 @@ def variable_step_bound(
 ) -> float | Fraction:
     r"""Bound the deviation of the misses of one window for any positive step sizes.
 
-    .. math:: \Bigl|\sum_{t=T_0}^{T_0+W-1}(\mathrm{err}_t-\alpha)\Bigr| \le (B+H)\,V
+    $$\Bigl|\sum_{t=T_0}^{T_0+W-1}(\mathrm{err}_t-\alpha)\Bigr| \le (B+H)\,V$$
 
     `H` is the largest step up to the end of the window (it fixes the range of `q`) and `V` is
     `inverse_step_variation`. The steps may depend on the past in any way.
@@ -73,12 +74,13 @@ def variable_step_bound(
     Returns:
         A number of misses.
 
-    By hand: (1 + 1) * 2 = 4. With all steps equal it is (B + eta) / eta, as in Theorem 1.
+    Examples:
+        By hand: (1 + 1) * 2 = 4. With all steps equal it is (B + eta) / eta, as in Theorem 1.
 
-    >>> variable_step_bound([1, 0.5, 1], B=1)
-    4.0
-    >>> variable_step_bound([0.1] * 40, B=1)
-    11.0
+        >>> variable_step_bound([1, 0.5, 1], B=1)
+        4.0
+        >>> variable_step_bound([0.1] * 40, B=1)
+        11.0
     """
     steps = _steps(etas)
     top = positive(B, "B")
@@ -89,7 +91,7 @@ def variable_step_bound(
 
 
 def increasing_step_bound(eta_first: Number, eta_last: Number, B: Number) -> float | Fraction:
-    r"""Bound the deviation if steps never shrink: :math:`(B+\eta_{last})/\eta_{first}`.
+    r"""Bound the deviation if steps never shrink: $(B+\eta_{last})/\eta_{first}$.
 
     Args:
         eta_first: step size at the window's first time [score].
@@ -99,8 +101,9 @@ def increasing_step_bound(eta_first: Number, eta_last: Number, B: Number) -> flo
     Raises:
         ValueError: if `eta_last < eta_first`.
 
-    >>> increasing_step_bound(0.05, 0.1, B=1)
-    22.0
+    Examples:
+        >>> increasing_step_bound(0.05, 0.1, B=1)
+        22.0
     """
     first, last = positive(eta_first, "eta_first"), positive(eta_last, "eta_last")
     if last < first:
@@ -110,7 +113,7 @@ def increasing_step_bound(eta_first: Number, eta_last: Number, B: Number) -> flo
 
 
 def decreasing_step_bound(eta_first: Number, eta_last: Number, B: Number) -> float | Fraction:
-    r"""Bound the deviation if steps never grow: :math:`(B+\eta_{1})/\eta_{last}`.
+    r"""Bound the deviation if steps never grow: $(B+\eta_{1})/\eta_{last}$.
 
     Args:
         eta_first: the largest step since time 1 [score].
@@ -120,10 +123,11 @@ def decreasing_step_bound(eta_first: Number, eta_last: Number, B: Number) -> flo
     Raises:
         ValueError: if `eta_last > eta_first`.
 
-    By hand: steps 1/sqrt(t) at t = 100 give (1 + 1) / 0.1 = 20 misses, a rate of 20 / 100.
+    Examples:
+        By hand: steps 1/sqrt(t) at t = 100 give (1 + 1) / 0.1 = 20 misses, a rate of 20 / 100.
 
-    >>> decreasing_step_bound(1, 0.1, B=1)
-    20.0
+        >>> decreasing_step_bound(1, 0.1, B=1)
+        20.0
     """
     first, last = positive(eta_first, "eta_first"), positive(eta_last, "eta_last")
     if last > first:
@@ -133,12 +137,12 @@ def decreasing_step_bound(eta_first: Number, eta_last: Number, B: Number) -> flo
 
 
 def running_maximum_bound(c: Number, maximum_at_start: Number, B: Number) -> float | Fraction:
-    r"""Bound the deviation for :math:`\eta_t = c\max(s_1,\dots,s_t)`, the reading that is safe.
+    r"""Bound the deviation for $\eta_t = c\max(s_1,\dots,s_t)$, the reading that is safe.
 
-    .. math:: \Bigl|\sum_{t=T_0}^{T_0+W-1}(\mathrm{err}_t-\alpha)\Bigr|
-        \le \frac{(1+c)\,B}{c\,\hat B_{T_0}}
+    $$\Bigl|\sum_{t=T_0}^{T_0+W-1}(\mathrm{err}_t-\alpha)\Bigr|
+      \le \frac{(1+c)\,B}{c\,\hat B_{T_0}}$$
 
-    The steps never shrink, so :math:`V = 1/\eta_{T_0}`. The window must start after the first
+    The steps never shrink, so $V = 1/\eta_{T_0}$. The window must start after the first
     positive score; before that the step is zero and nothing moves.
 
     Paper: "eta_t = 0.1 B_hat_t ... trivial to get a guarantee", for the reading that is true.
@@ -151,10 +155,11 @@ def running_maximum_bound(c: Number, maximum_at_start: Number, B: Number) -> flo
     Raises:
         ValueError: if `maximum_at_start > B`.
 
-    By hand: once the largest score has been seen, 1.1 / 0.1 = 11, as with a fixed step.
+    Examples:
+        By hand: once the largest score has been seen, 1.1 / 0.1 = 11, as with a fixed step.
 
-    >>> running_maximum_bound(0.1, 1, B=1), running_maximum_bound(0.1, 0.5, B=1)
-    (11.0, 22.0)
+        >>> running_maximum_bound(0.1, 1, B=1), running_maximum_bound(0.1, 0.5, B=1)
+        (11.0, 22.0)
     """
     factor, top = positive(c, "c"), positive(B, "B")
     seen = positive(maximum_at_start, "maximum_at_start")

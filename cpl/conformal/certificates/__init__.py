@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cpl.conformal.certificates import assumption, feedback, theorem, traps, update
+from cpl.conformal.certificates import assumption, feedback, printed, theorem, traps, update
 from cpl.conformal.certificates.frame import Certificate, Kind, Obligation, Status, Verdict
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ __all__ = [
 
 CERTIFICATES: dict[str, Certificate] = {
     proof.name: proof
-    for part in (update, theorem, feedback, assumption, traps)
+    for part in (update, theorem, printed, feedback, assumption, traps)
     for proof in part.CERTIFICATES
 }
 """All certificates by name, in the order of the paper's argument."""
@@ -44,8 +44,9 @@ def certificate(name: str) -> Certificate:
     Raises:
         ValueError: if there is none of this name.
 
-    >>> print(certificate("integer strengthening").by_hand or "nothing")
-    nothing
+    Examples:
+        >>> print(certificate("integer strengthening").by_hand or "nothing")
+        nothing
     """
     if name not in CERTIFICATES:
         msg = f"name must be one of {', '.join(CERTIFICATES)}; got {name!r}"
