@@ -3,27 +3,26 @@
 __all__ = ["glue"]
 
 
-def glue(name: str, value: object, fmt: str = "{}") -> str:
+def glue(name: str, value: object, fmt: str = "{}") -> None:
     """Give a computed value a name, by which the text of the chapter quotes it.
 
     The chapter says ``glue("coverage", 0.9031, "{:.3f}")`` in a cell and ``{glue:text}`coverage` ``
-    in its text. The cell shows nothing. Outside a notebook only the text is returned.
+    in its text. The cell shows nothing; outside a notebook nothing happens.
 
     Args:
         name: What the text calls the value; unique in the chapter.
         value: The value.
         fmt: How to write it: a format string with one pair of braces.
 
-    Returns:
-        The text as it will stand on the page.
-
     Raises:
         ValueError: If the format cannot write the value.
 
     Examples:
-        >>> text = glue("coverage", 0.90312, "{:.1%}")
-        >>> text
-        '90.3%'
+        >>> glue("coverage", 0.90312, "{:.1%}")  # the text will say 90.3%
+        >>> glue("coverage", "high", "{:.1%}")
+        Traceback (most recent call last):
+            ...
+        ValueError: fmt must be a format string for one value, got '{:.1%}' for 'high'
     """
     try:
         text = fmt.format(value)
@@ -31,7 +30,6 @@ def glue(name: str, value: object, fmt: str = "{}") -> str:
         msg = f"fmt must be a format string for one value, got {fmt!r} for {value!r}"
         raise ValueError(msg) from error
     _show(name, text)
-    return text
 
 
 def _show(name: str, text: str) -> None:

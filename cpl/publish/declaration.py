@@ -17,6 +17,7 @@ import ast
 import io
 import re
 import tokenize
+from typing import Any
 
 from cpl.publish.parameters import TYPES, Choice, Interval, Parameter
 
@@ -93,8 +94,8 @@ def _read_line(node: ast.stmt, comments: dict[int, tuple[str, bool]]) -> Paramet
         msg = "the comment must read `# [unit] RANGE: meaning`, with `any` for no range"
         raise ValueError(msg)
     default = ast.literal_eval(node.value)
-    if type_ == "float" and type(default) is int:
-        default = float(default)
+    if type_.removeprefix("tuple[").startswith("float"):
+        default = _as_float(default)
     parameter = Parameter(
         name=node.target.id,
         type=type_,
@@ -105,6 +106,13 @@ def _read_line(node: ast.stmt, comments: dict[int, tuple[str, bool]]) -> Paramet
     )
     parameter.check(default)
     return parameter
+
+
+def _as_float(default: object) -> Any:  # noqa: ANN401 (checked by the parameter itself)
+    """Take whole numbers for floats, alone and in tuples: `eta: float = 1`."""
+    if isinstance(default, tuple):
+        return tuple(_as_float(member) for member in default)
+    return float(default) if type(default) is int else default
 
 
 def _comment_of(node: ast.stmt, comments: dict[int, tuple[str, bool]]) -> str:
