@@ -112,7 +112,7 @@ def test_observation_space_holds_what_is_observed(space, bounded):
 def test_bad_actions(action):
     env = HighwayEnv(**SMALL)
     env.reset(seed=0)
-    with pytest.raises(ValueError, match="actions? must be"):
+    with pytest.raises(ValueError, match=r"actions? must be"):
         env.step(action)
 
 

@@ -1,6 +1,6 @@
 """Rollouts and episode tables, against episodes driven one by one."""
 
-from itertools import islice
+from itertools import islice, pairwise
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def test_transitions_chain_and_keep_the_last_observation():
     engine = Engine(Config(**SMALL), 3)
     steps = list(islice(rollout(engine, hasty, seeds=[0, 1, 2]), 20))
     ended = 0
-    for now, then in zip(steps, steps[1:], strict=False):
+    for now, then in pairwise(steps):
         over = now.terminated_t | now.truncated_t
         ended += over.sum()
         np.testing.assert_array_equal(then.obs_tm1[~over], now.obs_t[~over])

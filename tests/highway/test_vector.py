@@ -114,11 +114,12 @@ def test_bad_batches():
             HighwayVectorEnv(number, **SMALL)
     with pytest.raises(ValueError, match="Sometimes"):
         HighwayVectorEnv(2, autoreset_mode="Sometimes", **SMALL)
+    envs = HighwayVectorEnv(2, autoreset_mode="Disabled", **SMALL)
+    envs.reset(seed=0)
+    for _ in range(SMALL["duration"]):
+        envs.step(np.array([4, 4]))
     with pytest.raises(ValueError, match="have ended; reset them"):
-        envs = HighwayVectorEnv(2, autoreset_mode="Disabled", **SMALL)
-        envs.reset(seed=0)
-        for _ in range(6):
-            envs.step(np.array([1, 1]))
+        envs.step(np.array([4, 4]))
 
 
 def test_pictures_of_every_road():
