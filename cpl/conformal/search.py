@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from cpl.conformal.bounds import (
     attained_for_certain,
     eventually_safe_range,
-    eventually_safe_range_going_on,
+    eventually_safe_range_sharp,
     max_errors,
     max_errors_from_start,
     min_errors,
@@ -277,7 +277,7 @@ def sweep_eventually_safe(
         for floor in wanted:
             for K in range(1, count(K_max, "K_max") + 1):
                 high = eventually_safe_range(alpha, 1, floor, K=K).high
-                sharp = eventually_safe_range_going_on(alpha, 1, floor, K=K).high
+                sharp = eventually_safe_range_sharp(alpha, 1, floor, K=K).high
                 for misses in range(math.ceil(alpha * K)):
                     top = highest_quantile_eventually_safe(alpha, 1, floor, K=K, misses=misses)
                     rows.append(

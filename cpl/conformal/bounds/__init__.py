@@ -22,7 +22,7 @@ from cpl.conformal.bounds.safe import (
     eventually_safe_deviation_bound,
     eventually_safe_overshoot,
     eventually_safe_range,
-    eventually_safe_range_going_on,
+    eventually_safe_range_sharp,
 )
 from cpl.conformal.bounds.varying import (
     decreasing_step_bound,
@@ -56,7 +56,7 @@ __all__ = [
     "eventually_safe_deviation_bound",
     "eventually_safe_overshoot",
     "eventually_safe_range",
-    "eventually_safe_range_going_on",
+    "eventually_safe_range_sharp",
     "increasing_step_bound",
     "interleaved_deviation_bound",
     "inverse_step_variation",

@@ -22,7 +22,7 @@ __all__ = [
     "eventually_safe_deviation_bound",
     "eventually_safe_overshoot",
     "eventually_safe_range",
-    "eventually_safe_range_going_on",
+    "eventually_safe_range_sharp",
 ]
 
 
@@ -67,7 +67,7 @@ def eventually_safe_range(
     return _range(alpha, eta, q_floor, misses=count(K, "K"))
 
 
-def eventually_safe_range_going_on(
+def eventually_safe_range_sharp(
     alpha: Number, eta: Number, q_floor: Number, *, K: int = 1
 ) -> QuantileRange:
     r"""Return a smaller range, for a run that goes on for `K` steps more: `ceil(alpha K)` for `K`.
@@ -77,7 +77,7 @@ def eventually_safe_range_going_on(
     Paper: not in it; see `eventually_safe_overshoot` for the reason.
 
     Examples:
-        >>> print(eventually_safe_range_going_on(0.1, 0.1, 0.5, K=4))
+        >>> print(eventually_safe_range_sharp(0.1, 0.1, 0.5, K=4))
         [-0.01, 0.59)
     """
     return _range(alpha, eta, q_floor, misses=eventually_safe_overshoot(alpha, K))
