@@ -45,7 +45,7 @@ class Config:
     levels: int = 3
     rides: int
     first_seed: int = 0
-    time_gap_s: float = 1.25
+    time_gap_s: float = 1.0
     lanes_count: int = 4
     vehicles_count: int = 50
     duration_s: int
