@@ -16,7 +16,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
-__all__ = ["fma", "inlined", "kernel"]
+__all__ = ["bits_of", "float_of", "fma", "inlined", "kernel"]
 
 # Reference counting is switched off: kernels allocate nothing, and counting the references to
 # array views cost more than half of a step. The option has no public spelling in numba.
@@ -86,5 +86,25 @@ def _fma(typing_context, a, b, c):  # noqa: ANN001, ANN202
     return signature, generate
 
 
+def _bits_of(typing_context, x):  # noqa: ANN001, ANN202
+    def generate(context, builder, signature, arguments):  # noqa: ANN001, ANN202
+        return builder.bitcast(arguments[0], ir.IntType(64))
+
+    return types.int64(types.float64), generate
+
+
+def _float_of(typing_context, bits):  # noqa: ANN001, ANN202
+    def generate(context, builder, signature, arguments):  # noqa: ANN001, ANN202
+        return builder.bitcast(arguments[0], ir.DoubleType())
+
+    return types.float64(types.int64), generate
+
+
 fma: Any = intrinsic(_fma)
 """Fused multiply-add fma(a, b, c) = a b + c, rounded once, on any processor."""
+
+bits_of: Any = intrinsic(_bits_of)
+"""The 64 bits of a float as a signed integer."""
+
+float_of: Any = intrinsic(_float_of)
+"""The float of 64 bits."""

@@ -13,19 +13,16 @@ import math
 
 import numpy as np
 
-from cpl.highway._compile import fma, inlined, kernel
-from cpl.highway.geometry import not_zero, reachable, wrap_to_pi
+from cpl.highway._compile import fma, inlined
+from cpl.highway.exact import padded, pow_all
+from cpl.highway.geometry import LANE_WIDTH, not_zero, reachable
 from cpl.highway.layout import Car, Scratch, Settings
 from cpl.highway.neighbours import find_front, find_rear, own_fronts
 
-__all__ = ["act", "ego_action", "speed_level"]
+__all__ = ["act", "ego_action", "speed_divisor", "speed_level"]
 
 _KP_SPEED = 1 / 0.6
 _KP_LATERAL = 1 / 0.6
-_KP_HEADING = 1 / 0.2
-_HALF_LENGTH = 5.0 / 2
-_MAX_STEERING = math.pi / 3
-_MAX_HEADING = math.pi / 4
 
 
 @inlined
@@ -55,6 +52,7 @@ def ego_action(
         index = min(max(index, 0), levels.size - 1)
         speed_index[e] = index
         car.target_speed[0] = levels[index]
+        car.divisor[0] = speed_divisor(s, levels[index])
     elif action == 0 or action == 2:
         lane = car.target_lane[0] + (1 if action == 2 else -1)
         lane = min(max(lane, 0), s.lanes - 1)
@@ -63,108 +61,184 @@ def ego_action(
 
 
 @inlined
-def act(car: Car, s: Settings, w: Scratch) -> None:
-    """Let every car choose its lane, steering and acceleration for one frame."""
-    n = s.n
-    tied = own_fronts(car, w, n, s.lanes)
-    w.acceleration[0] = _KP_SPEED * (car.target_speed[0] - car.speed[0])
-    w.steering[0] = _steering(car, 0)
-    for i in range(1, n):
-        if car.crashed[i]:
-            continue
-        if s.lane_change:
-            _choose_lane(car, s, w, i, tied)
-        w.steering[i] = _steering(car, i)
-        free = _free(car, s, i, car.delta[i])
-        acceleration = free - _gap_term(car, s, i, w.front[i])
-        if car.lane[i] != car.target_lane[i]:
-            front = find_front(car, w, i, car.target_lane[i], n, tied)
-            acceleration = min(acceleration, free - _gap_term(car, s, i, front))
-        w.acceleration[i] = min(max(acceleration, -s.acc_max), s.acc_max)
+def speed_divisor(s: Settings, target_speed: float) -> float:
+    """What a speed is divided by in the car-following model, for a desired speed."""
+    return abs(not_zero(min(max(target_speed, 0.0), s.speed_limit)))
 
 
 @inlined
-def _steering(car: Car, i: int) -> float:
-    divisor = not_zero(car.speed[i])
-    lateral_speed = -_KP_LATERAL * (car.y[i] - 4.0 * car.target_lane[i])
-    command = math.asin(min(max(lateral_speed / divisor, -1.0), 1.0))
-    reference = min(max(command, -_MAX_HEADING), _MAX_HEADING)
-    rate = _KP_HEADING * wrap_to_pi(reference - car.heading[i])
-    slip = math.asin(min(max(_HALF_LENGTH / divisor * rate, -1.0), 1.0))
-    angle = math.atan(2 * math.tan(slip))
-    return min(max(angle, -_MAX_STEERING), _MAX_STEERING)
+def act(car: Car, s: Settings, w: Scratch, fast: bool) -> tuple:
+    """Let every car choose its lane and acceleration for one frame.
+
+    Args:
+        car: The environment; target lanes and timers change.
+        s: The settings.
+        w: Working memory; `acceleration`, `steering` and `hit` are written.
+        fast: Whether to use the inlined maths.
+
+    Returns:
+        How many cars have to steer (listed in `w.steering`) and how many have crashed or are
+        about to (in `w.hit`).
+    """
+    changing, tied = own_fronts(car, w, s.n, s.lanes)
+    _follow(car, s, w, fast)
+    steering = hit = 0
+    for i in range(s.n):
+        if car.crashed[i] | car.has_impact[i]:
+            w.hit[hit] = i
+            hit += 1
+        if car.crashed[i]:
+            w.acceleration[i] = -1.0 * car.speed[i]
+            continue
+        if i > 0:
+            if s.lane_change:
+                changing = _choose_lane(car, s, w, i, changing, tied)
+            if car.lane[i] != car.target_lane[i]:
+                _follow_both(car, s, w, i, tied)
+        if _steers(car, i):
+            w.steering[steering] = i
+            steering += 1
+    w.acceleration[0] = _KP_SPEED * (car.target_speed[0] - car.speed[0])
+    if car.crashed[0]:
+        w.acceleration[0] = -1.0 * car.speed[0]
+    return steering, hit
+
+
+@inlined
+def _follow(car: Car, s: Settings, w: Scratch, fast: bool) -> None:
+    """Every car's acceleration behind its own lane's front car, as one vector computation."""
+    size = padded(s.n)
+    for i in range(size):
+        v = car.speed[i]
+        w.forward[i] = v * car.cos[i]
+        w.sideways[i] = v * car.sin[i]
+        w.ratio[i] = (v if v > 0.0 else 0.0) / car.divisor[i]
+    w.forward[s.n] = w.sideways[s.n] = 0.0
+    pow_all(w.ratio, car.delta, w.a, w.doubt, s.n, fast)
+    for i in range(size):
+        v = car.speed[i]
+        j = w.front[i]
+        closing = fma(
+            w.sideways[i] - w.sideways[j], car.sin[i], (w.forward[i] - w.forward[j]) * car.cos[i]
+        )
+        wanted = s.distance_wanted + v * s.time_wanted + v * closing / s.twice_root_ab
+        distance = car.x[j] - car.x[i]
+        ratio = wanted / (distance if distance > 1e-2 else 1e-2)
+        free = s.comfort * (1 - w.a[i])
+        gap = s.comfort * (ratio * ratio)
+        acceleration = free - gap
+        acceleration = acceleration if acceleration > -s.acc_max else -s.acc_max
+        w.acceleration[i] = acceleration if acceleration < s.acc_max else s.acc_max
+        w.free[i] = free
+        w.gap[i] = gap
+    for i in range(s.n, size):
+        w.acceleration[i] = 0.0
+
+
+@inlined
+def _follow_both(car: Car, s: Settings, w: Scratch, i: int, tied: bool) -> None:
+    """While changing lanes, mind the front car of the target lane as well."""
+    front = find_front(car, w, i, car.target_lane[i], s.n, tied)
+    other = w.free[i] - _gap_term(car, s, w, i, front)
+    acceleration = min(w.free[i] - w.gap[i], other)
+    w.acceleration[i] = min(max(acceleration, -s.acc_max), s.acc_max)
+
+
+@inlined
+def _steers(car: Car, i: int) -> bool:
+    """Whether a car's steering could differ from zero.
+
+    Where heading and heading command are together below half an ulp of pi, wrapping their
+    difference gives exactly zero, and so does everything that follows from it.
+    """
+    if car.lane[i] != car.target_lane[i]:
+        return True
+    divisor = abs(not_zero(car.speed[i]))
+    offset = abs(car.y[i] - LANE_WIDTH * car.target_lane[i])
+    return not (_KP_LATERAL * offset + abs(car.heading[i]) * divisor <= 2e-16 * divisor)
 
 
 @inlined
 def _free(car: Car, s: Settings, i: int, delta: float) -> float:
     """Acceleration of car i on an empty road, with the deciding driver's exponent."""
-    target = min(max(car.target_speed[i], 0.0), s.speed_limit)
-    return s.comfort * (1 - math.pow(max(car.speed[i], 0.0) / abs(not_zero(target)), delta))
+    return s.comfort * (1 - math.pow(max(car.speed[i], 0.0) / car.divisor[i], delta))
 
 
 @inlined
-def _desired_gap(car: Car, s: Settings, i: int, j: int) -> float:
+def _desired_gap(car: Car, s: Settings, w: Scratch, i: int, j: int) -> float:
     v = car.speed[i]
-    dvx = v * car.cos[i] - car.speed[j] * car.cos[j]
-    dvy = v * car.sin[i] - car.speed[j] * car.sin[j]
+    dvx = w.forward[i] - w.forward[j]
+    dvy = w.sideways[i] - w.sideways[j]
     closing = fma(dvy, car.sin[i], dvx * car.cos[i])  # as numpy's dot rounds it
     return s.distance_wanted + v * s.time_wanted + v * closing / s.twice_root_ab
 
 
 @inlined
-def _gap_term(car: Car, s: Settings, i: int, j: int) -> float:
+def _gap_term(car: Car, s: Settings, w: Scratch, i: int, j: int) -> float:
     """What car j in front takes from car i's acceleration; exactly 0 for the sentinel."""
-    ratio = _desired_gap(car, s, i, j) / not_zero(car.x[j] - car.x[i])
+    ratio = _desired_gap(car, s, w, i, j) / not_zero(car.x[j] - car.x[i])
     return s.comfort * (ratio * ratio)
 
 
 @inlined
-def _choose_lane(car: Car, s: Settings, w: Scratch, i: int, tied: bool) -> None:
+def _choose_lane(car: Car, s: Settings, w: Scratch, i: int, changing: int, tied: bool) -> int:
+    """Let car i change lanes, or give up a change; returns the number of changing cars."""
     lane = car.lane[i]
     target = car.target_lane[i]
     if lane != target:
-        for j in range(s.n):
+        for k in range(changing):
+            j = w.changing[k]
             if j != i and car.lane[j] != target and car.target_lane[j] == target:
                 gap = car.x[j] - car.x[i]
-                if 0.0 < gap < _desired_gap(car, s, i, j):
+                if 0.0 < gap < _desired_gap(car, s, w, i, j):
                     car.target_lane[i] = lane
                     break
-    elif s.delay < car.timer[i]:
-        car.timer[i] = 0.0
-        if abs(car.speed[i]) < 1.0:
-            return
-        # Left, then right: a right lane that also passes overrides the left one.
-        for side in (lane - 1, lane + 1):
-            if (
-                0 <= side < s.lanes
-                and reachable(car.x[i], car.y[i], side)
-                and _mobil(car, s, w, i, side, tied)
-            ):
-                car.target_lane[i] = side
+        return changing
+    if not s.delay < car.timer[i]:
+        return changing
+    car.timer[i] = 0.0
+    # No lane can bring more than what the front car takes now (less a margin for rounding).
+    most = w.gap[i] + 1e-9 * (1.0 + abs(w.free[i]) + w.gap[i])
+    if abs(car.speed[i]) < 1.0 or (s.politeness == 0.0 and most < s.min_gain):
+        return changing
+    # Left, then right: a right lane that also passes overrides the left one.
+    for step in range(-1, 2, 2):
+        side = lane + step
+        if (
+            0 <= side < s.lanes
+            and reachable(car.x[i], car.y[i], side)
+            and _mobil(car, s, w, i, side, tied)
+        ):
+            car.target_lane[i] = side
+    if car.target_lane[i] != lane:
+        w.changing[changing] = i
+        changing += 1
+    return changing
 
 
-@kernel
+@inlined
 def _mobil(car: Car, s: Settings, w: Scratch, i: int, side: int, tied: bool) -> bool:
     """Whether driver i gains by changing to a lane without forcing its follower to brake."""
     n = s.n
     delta = car.delta[i]
     front = find_front(car, w, i, side, n, tied)
+    gain = (w.free[i] - _gap_term(car, s, w, i, front)) - (w.free[i] - w.gap[i])
+    if s.politeness == 0.0 and gain < s.min_gain:
+        return False
     rear = find_rear(car, w, i, side, n, tied)
     rear_free = rear_after = 0.0
     if rear < n:
         rear_free = _free(car, s, rear, delta)
-        rear_after = rear_free - _gap_term(car, s, rear, i)
+        rear_after = rear_free - _gap_term(car, s, w, rear, i)
         if rear_after < -s.max_imposed:
             return False
-    free = _free(car, s, i, delta)
-    gain = (free - _gap_term(car, s, i, front)) - (free - _gap_term(car, s, i, w.front[i]))
     if s.politeness != 0.0:
-        rear_before = rear_free - _gap_term(car, s, rear, front) if rear < n else 0.0
+        rear_before = rear_free - _gap_term(car, s, w, rear, front) if rear < n else 0.0
         old = find_rear(car, w, i, car.lane[i], n, tied)
         old_before = old_after = 0.0
         if old < n:
             old_free = _free(car, s, old, delta)
-            old_before = old_free - _gap_term(car, s, old, i)
-            old_after = old_free - _gap_term(car, s, old, w.front[i])
+            old_before = old_free - _gap_term(car, s, w, old, i)
+            old_after = old_free - _gap_term(car, s, w, old, w.front[i])
         gain += s.politeness * (rear_after - rear_before + old_after - old_before)
     return gain >= s.min_gain

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -78,6 +79,7 @@ class Engine:
         self.config = config
         self.n_envs = _positive("n_envs", n_envs)
         self.threads = min(_positive("threads", threads), self.n_envs)
+        self._fast = os.environ.get("CPL_HIGHWAY_PATH", "fast") == "fast"
         self._memory = allocate(config, self.n_envs)
         self._settings = settings_of(config)
         self._levels = np.array(config.target_speeds)
@@ -161,6 +163,7 @@ class Engine:
                 terms,
                 terminated,
                 truncated,
+                self._fast,
                 first,
                 stop,
             )

@@ -35,8 +35,8 @@ class Fields:
     """Rows of `cars`."""
 
     X, Y, HEADING, SPEED, TARGET_SPEED, TIMER, DELTA = range(7)
-    IMPACT_X, IMPACT_Y, COS, SIN = range(7, 11)
-    COUNT = 11
+    IMPACT_X, IMPACT_Y, COS, SIN, DIVISOR = range(7, 12)
+    COUNT = 12
 
 
 class Codes:
@@ -60,6 +60,7 @@ class Car(NamedTuple):
     impact_y: np.ndarray
     cos: np.ndarray
     sin: np.ndarray
+    divisor: np.ndarray
     lane: np.ndarray
     target_lane: np.ndarray
     crashed: np.ndarray
@@ -72,7 +73,7 @@ def car_views(cars: np.ndarray, codes: np.ndarray, e: int) -> Car:
     """View environment e of a batch as a `Car`."""
     f, c = cars[e], codes[e]
     return Car(
-        f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8], f[9], f[10],
+        f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8], f[9], f[10], f[11],
         c[0], c[1], c[2], c[3], c[4],
     )  # fmt: skip
 
@@ -139,15 +140,31 @@ class Memory(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Working memory of one thread."""
+    """Working memory of one thread: rows for every car, rows for the steering cars, and lists."""
 
+    forward: np.ndarray
+    sideways: np.ndarray
+    ratio: np.ndarray
+    free: np.ndarray
+    gap: np.ndarray
     acceleration: np.ndarray
-    steering: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    heading: np.ndarray
+    speed: np.ndarray
+    divisor: np.ndarray
+    a: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    doubt: np.ndarray
     front: np.ndarray
     rank: np.ndarray
-    last: np.ndarray
+    steering: np.ndarray
+    hit: np.ndarray
     changing: np.ndarray
+    last: np.ndarray
     pairs: np.ndarray
+    nearest: np.ndarray
     corners: np.ndarray
 
 
@@ -158,19 +175,20 @@ def scratch(config: Config) -> Scratch:
         config: The road.
 
     Returns:
-        Uninitialised arrays.
+        Arrays of zeros; `front` points everywhere to the sentinel.
     """
     n = config.vehicles_count + 1
     stride = 8 * (n // 8 + 1)
+    reals = np.zeros((14, stride))
+    codes = np.zeros((6, stride), np.int64)
+    codes[1] = n
     return Scratch(
-        acceleration=np.empty(stride),
-        steering=np.empty(stride),
-        front=np.empty(stride, np.int64),
-        rank=np.empty(stride, np.int64),
-        last=np.empty(config.lanes_count, np.int64),
-        changing=np.empty(2 * stride, np.int64),
-        pairs=np.empty(4 * stride, np.int64),
-        corners=np.empty((2, 8)),
+        *reals,
+        *codes,
+        last=np.zeros(config.lanes_count, np.int64),
+        pairs=np.zeros(4 * stride, np.int64),
+        nearest=np.zeros(config.observation_vehicles_count, np.int64),
+        corners=np.zeros((2, 8)),
     )
 
 
@@ -189,7 +207,7 @@ def allocate(config: Config, n_envs: int) -> Memory:
     cars = np.zeros((n_envs, Fields.COUNT, stride))
     cars[:, Fields.X, n:] = math.inf
     cars[:, Fields.COS, n:] = 1.0
-    cars[:, Fields.TARGET_SPEED, n:] = 1.0
+    cars[:, Fields.DIVISOR, n:] = 1.0
     cars[:, Fields.DELTA, n:] = 1.0
     codes = np.zeros((n_envs, Codes.COUNT, stride), np.int64)
     return Memory(

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from cpl.highway._compile import inlined, kernel
-from cpl.highway.geometry import on_lane
+from cpl.highway.geometry import LANE_WIDTH, ROAD_LENGTH, on_lane
 from cpl.highway.layout import Car, Scratch
 
 __all__ = ["find_front", "find_rear", "own_fronts", "sort_cars"]
@@ -31,41 +31,53 @@ def sort_cars(order: np.ndarray, x: np.ndarray, n: int) -> None:
 
 
 @inlined
-def own_fronts(car: Car, w: Scratch, n: int, lanes: int) -> bool:
+def own_fronts(car: Car, w: Scratch, n: int, lanes: int) -> tuple:
     """Find every car's front car on its own lane, in one sweep from the head of the road.
 
     Args:
         car: The environment.
-        w: Working memory; `front` (car number or n for none) and `rank` are written.
+        w: Working memory; `front` (car number or n for none), `rank` (place along the road) and
+            `changing` (the cars that are between two lanes) are written.
         n: Number of cars.
         lanes: Number of lanes.
 
     Returns:
-        Whether two cars tie, so that the sorted order must not be used for searching.
+        Number of changing cars, and whether two cars tie, so that the sorted order must not be
+        searched.
     """
     tied = False
+    changing = 0
+    ahead = np.inf
     for lane in range(lanes):
         w.last[lane] = n
     for k in range(n - 1, -1, -1):
         i = car.order[k]
+        x, y, lane = car.x[i], car.y[i], car.lane[i]
         w.rank[i] = k
-        w.front[i] = w.last[car.lane[i]]
-        for lane in range(lanes):
-            if on_lane(car.x[i], car.y[i], lane, 1.0):
-                w.last[lane] = i
-        if k > 0 and car.x[car.order[k - 1]] == car.x[i]:
-            tied = True
+        w.front[i] = w.last[lane]
+        tied |= x == ahead
+        ahead = x
+        if lane != car.target_lane[i]:
+            w.changing[changing] = i
+            changing += 1
+        # Within 1 m of its lane's centre a car is more than 3 m from any other lane's.
+        if abs(y - LANE_WIDTH * lane) < 0.999 and 0.0 <= x <= ROAD_LENGTH:
+            w.last[lane] = i
+        else:
+            for other in range(lanes):
+                if on_lane(x, y, other, 1.0):
+                    w.last[other] = i
     if tied:
         for i in range(n):
-            w.front[i] = _scan_front(car, i, car.lane[i], n)
-    return tied
+            w.front[i] = _scan_front(car.x, car.y, i, car.lane[i], n)
+    return changing, tied
 
 
 @inlined
 def find_front(car: Car, w: Scratch, i: int, lane: int, n: int, tied: bool) -> int:
     """Find car i's front car on a lane, n if there is none."""
     if tied:
-        return _scan_front(car, i, lane, n)
+        return _scan_front(car.x, car.y, i, lane, n)
     for k in range(w.rank[i] + 1, n):
         j = car.order[k]
         if on_lane(car.x[j], car.y[j], lane, 1.0):
@@ -77,7 +89,7 @@ def find_front(car: Car, w: Scratch, i: int, lane: int, n: int, tied: bool) -> i
 def find_rear(car: Car, w: Scratch, i: int, lane: int, n: int, tied: bool) -> int:
     """Find car i's rear car on a lane, n if there is none."""
     if tied:
-        return _scan_rear(car, i, lane, n)
+        return _scan_rear(car.x, car.y, i, lane, n)
     for k in range(w.rank[i] - 1, -1, -1):
         j = car.order[k]
         if on_lane(car.x[j], car.y[j], lane, 1.0):
@@ -86,20 +98,20 @@ def find_rear(car: Car, w: Scratch, i: int, lane: int, n: int, tied: bool) -> in
 
 
 @kernel
-def _scan_front(car: Car, i: int, lane: int, n: int) -> int:
+def _scan_front(xs: np.ndarray, ys: np.ndarray, i: int, lane: int, n: int) -> int:
     best, nearest = n, np.inf
     for j in range(n):
-        x = car.x[j]
-        if j != i and car.x[i] <= x <= nearest and on_lane(x, car.y[j], lane, 1.0):
+        x = xs[j]
+        if j != i and xs[i] <= x <= nearest and on_lane(x, ys[j], lane, 1.0):
             best, nearest = j, x
     return best
 
 
 @kernel
-def _scan_rear(car: Car, i: int, lane: int, n: int) -> int:
+def _scan_rear(xs: np.ndarray, ys: np.ndarray, i: int, lane: int, n: int) -> int:
     best, nearest = n, -np.inf
     for j in range(n):
-        x = car.x[j]
-        if j != i and nearest < x < car.x[i] and on_lane(x, car.y[j], lane, 1.0):
+        x = xs[j]
+        if j != i and nearest < x < xs[i] and on_lane(x, ys[j], lane, 1.0):
             best, nearest = j, x
     return best

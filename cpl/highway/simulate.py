@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from cpl.highway._compile import kernel
-from cpl.highway.behaviour import act, ego_action
+from cpl.highway._compile import inlined, kernel
+from cpl.highway.behaviour import act, ego_action, speed_divisor
 from cpl.highway.collisions import collide
 from cpl.highway.layout import Car, Memory, Scratch, Settings, car_views
 from cpl.highway.motion import move
@@ -40,7 +40,7 @@ def reset_range(
             m.steps[e] = 0
             m.ready[e] = True
             observe(
-                car, s, features, ranges, m.generator[e], m.noise_generator[e], w.changing, obs[e]
+                car, s, features, ranges, m.generator[e], m.noise_generator[e], w.nearest, obs[e]
             )
 
 
@@ -58,6 +58,7 @@ def step_range(
     terms: np.ndarray,
     terminated: np.ndarray,
     truncated: np.ndarray,
+    fast: bool,
     first: int,
     stop: int,
 ) -> None:
@@ -67,9 +68,9 @@ def step_range(
         m.time[e] += s.policy_dt
         ego_action(car, s, levels, m.speed_index, e, actions[e])
         for _ in range(s.frames):
-            frame(car, s, w)
+            frame(car, s, w, fast)
         m.steps[e] += s.frames
-        observe(car, s, features, ranges, m.generator[e], m.noise_generator[e], w.changing, obs[e])
+        observe(car, s, features, ranges, m.generator[e], m.noise_generator[e], w.nearest, obs[e])
         reward[e] = reward_terms(car, s, terms[e])
         crashed = terms[e, 0] > 0.0
         terminated[e] = crashed or (s.offroad_terminal and terms[e, 3] == 0.0)
@@ -84,14 +85,15 @@ def refresh_range(m: Memory, s: Settings, first: int, stop: int) -> None:
         for i in range(s.n):
             car.cos[i] = math.cos(car.heading[i])
             car.sin[i] = math.sin(car.heading[i])
+            car.divisor[i] = speed_divisor(s, car.target_speed[i])
             car.order[i] = i
         sort_cars(car.order, car.x, s.n)
 
 
-@kernel
-def frame(car: Car, s: Settings, w: Scratch) -> None:
+@inlined
+def frame(car: Car, s: Settings, w: Scratch, fast: bool) -> None:
     """Advance one environment by one simulation frame."""
-    act(car, s, w)
-    move(car, s, w)
+    steering, hit = act(car, s, w, fast)
+    move(car, s, w, steering, hit, fast)
     sort_cars(car.order, car.x, s.n)
     collide(car, s, w)
