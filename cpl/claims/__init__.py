@@ -1,0 +1,70 @@
+"""Does the number hold? One row a claim of the paper, its verdict computed from stored results.
+
+Rules read published tables and nothing else; none of them starts an experiment, and no verdict is
+typed anywhere. The errata are in `cpl.claims.errata`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cpl.claims._ledger import ClaimsTable, Row
+
+__all__ = ["accept", "changes", "ledger", "table"]
+
+
+def ledger(*, root: Path | None = None) -> list[Row]:
+    """Return one row for each of the paper's 50 checkable claims.
+
+    Args:
+        root: Folder of the published results; the project's own unless given.
+
+    Returns:
+        Rows with the fields `row, claim, paper_value, value, low, high, n, n_seeds, rule, verdict,
+        flags, chapter, computed_from`, in order. A claim whose results are not published yet says
+        `pending`.
+
+    Raises:
+        cpl.store.DamagedResultError: If a published result does not agree with its manifest.
+
+    Examples:
+        >>> rows = ledger()
+        >>> len(rows), rows[0].row, rows[41].verdict
+        (50, 1, 'needs hardware')
+    """
+    from cpl.claims._ledger import ledger as _ledger
+
+    return _ledger(root)
+
+
+def table(*rows: int) -> ClaimsTable:
+    """Show claims beside what was found, for a page: all, or those of the given row numbers.
+
+    Raises:
+        ValueError: If there is no such row.
+
+    Examples:
+        >>> print(str(table(42)).splitlines()[0])
+        | # | claim | paper | ours | 95 % interval | verdict |
+    """
+    from cpl.claims._ledger import show as _show
+
+    return _show(rows)
+
+
+def changes(*, root: Path | None = None) -> Mapping[int, tuple[str, str]]:
+    """Return the rows whose verdict differs from the committed one: row -> (committed, now)."""
+    from cpl.claims._ledger import changes as _changes
+
+    return _changes(root)
+
+
+def accept(*, root: Path | None = None) -> Path:
+    """Write today's verdicts down as the committed ones, and return the file."""
+    from cpl.claims._ledger import accept as _accept
+
+    return _accept(root)
