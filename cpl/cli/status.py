@@ -1,0 +1,65 @@
+"""`cpl status`: what is computed, what is published, what is stale and why."""
+
+from __future__ import annotations
+
+import argparse
+
+__all__ = ["register", "run"]
+
+
+def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the parser."""
+    parser = subparsers.add_parser("status", help="show what is computed, published, stale and why")
+    parser.add_argument("experiment", nargs="?", help="its name (default: all)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print one block an experiment."""
+    from cpl.cli import UsageError
+    from cpl.experiments import names
+    from cpl.experiments._machinery import experiment
+
+    try:
+        chosen = [args.experiment] if args.experiment else list(names())
+        for name in chosen:
+            question = (experiment(name).__doc__ or "").partition("\n")[0]
+            print(f"{name}: {question}")
+            for line in (*_computed(name), *_published(name)):
+                print(f"  {line}")
+    except ValueError as error:
+        raise UsageError(error) from error
+    return 0
+
+
+def _computed(name: str) -> list[str]:
+    """Say for each profile how many shards today's code has, and what older code left."""
+    from cpl.experiments._machinery import experiment, job
+    from cpl.store import WorkStore
+
+    store, lines, current = WorkStore(), list[str](), set[str]()
+    for profile in experiment(name).PROFILES:
+        task = job(name, profile)
+        current.add(task.key)
+        there = set(store.shards(name, task.key)) & task.pieces.keys()
+        if there:
+            lines.append(f"{profile}: {len(there)} of {len(task.pieces)} shards computed")
+    other = store.descriptions(name).keys() - current
+    if other:
+        lines.append(f"{len(other)} computed with other code or settings (kept, not used)")
+    return lines or ["nothing computed here"]
+
+
+def _published(name: str) -> list[str]:
+    """Say for each profile whether what is published is verified, and if not, why."""
+    from cpl.experiments._machinery import published
+    from cpl.store import manifests
+
+    lines: list[str] = []
+    for manifest in manifests():
+        if manifest.experiment != name:
+            continue
+        told = published(name, manifest.profile).provenance
+        checked = f"verified {told.verified}" if told.verified else "UNVERIFIED"
+        lines.append(f"{told.profile}: published, made {told.made}, {checked}")
+        lines += [f"  {reason}" for reason in told.stale]
+    return lines or ["nothing published"]
