@@ -65,8 +65,8 @@ def _plain_theme(root: Path, chapter: Chapter) -> dict[str, Any]:
     config = yaml.safe_load((root / "_config.yml").read_text(encoding="utf-8"))
     config["title"] = chapter.title
     inner = config.setdefault("sphinx", {}).setdefault("config", {})
-    extensions = inner.get("extensions", [])
-    inner["extensions"] = [name for name in extensions if name not in _ONLY_FOR_SITES]
+    if "extensions" in inner:
+        inner["extensions"] = [name for name in inner["extensions"] if name not in _ONLY_FOR_SITES]
     inner |= {
         "html_theme": "basic",
         "html_theme_options": {"nosidebar": True},

@@ -83,5 +83,9 @@ def render(stage: Path, output: Path, *, strict: bool = True) -> Path:
 def _complaints(said: str, stage: Path) -> str:
     """Return the warnings and errors among what the renderer said, else all of it."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", said).replace(f"{stage}{os.sep}", "")
+    # myst-nb counts 10000 lines a cell.
+    plain = re.sub(
+        r"(\S+)\.ipynb:(\d+)\d{4}:", lambda m: f"{m[1]}.md, {m[2]}. cell of the notebook:", plain
+    )
     lines = [line for line in plain.splitlines() if "WARNING" in line or "ERROR" in line]
     return "the renderer complains\n\n" + ("\n".join(lines) or plain.strip())
