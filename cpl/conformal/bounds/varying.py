@@ -48,12 +48,18 @@ def inverse_step_variation(etas: Sequence[Number]) -> float | Fraction:
         >>> inverse_step_variation([1, 0.5, 1])
         2.0
     """
-    steps = _steps(etas)
-    terms = [1 / steps[0], *(1 / b - 1 / a for a, b in pairwise(steps) if b < a)]
+    least = min(etas, default=None)
+    if least is None:
+        msg = f"etas must hold at least one step, got {etas!r}"
+        raise ValueError(msg)
+    positive(least, "etas")
     if all(isinstance(eta, Rational) for eta in etas):
-        return sum(terms, Fraction(0))
+        steps = [Fraction(eta) for eta in etas]
+        falls = (1 / b - 1 / a for a, b in pairwise(steps) if b < a)
+        return sum(falls, 1 / steps[0])
     # A sum of thousands of exact decimals has a denominator of thousands of digits: round here.
-    return math.fsum(map(float, terms))
+    rough = [float(eta) for eta in etas]
+    return math.fsum((1 / rough[0], *(1 / b - 1 / a for a, b in pairwise(rough) if b < a)))
 
 
 def variable_step_bound(
@@ -82,12 +88,10 @@ def variable_step_bound(
         >>> variable_step_bound([0.1] * 40, B=1)
         11.0
     """
-    steps = _steps(etas)
-    top = positive(B, "B")
-    earlier = steps[0] if largest_eta is None else positive(largest_eta, "largest_eta")
-    width = top + max(earlier, *steps)
-    inputs = (B,) if largest_eta is None else (B, largest_eta)
-    return like(width, *inputs, *etas) * inverse_step_variation(etas)
+    variation = inverse_step_variation(etas)
+    used = max(etas)
+    largest = used if largest_eta is None else max(used, largest_eta)
+    return like(positive(B, "B") + positive(largest, "etas"), B, largest, *etas) * variation
 
 
 def increasing_step_bound(eta_first: Number, eta_last: Number, B: Number) -> float | Fraction:
@@ -167,10 +171,3 @@ def running_maximum_bound(c: Number, maximum_at_start: Number, B: Number) -> flo
         msg = f"maximum_at_start must be <= B = {B!r}, got {maximum_at_start!r}"
         raise ValueError(msg)
     return like((1 + factor) * top / (factor * seen), c, maximum_at_start, B)
-
-
-def _steps(etas: Sequence[Number]) -> list[Fraction]:
-    if not len(etas):
-        msg = f"etas must hold at least one step, got {etas!r}"
-        raise ValueError(msg)
-    return [positive(eta, "etas") for eta in etas]
