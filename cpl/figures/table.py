@@ -6,12 +6,13 @@ typeset by the book like the text around it: a broken reference in it fails the 
 Example:
     >>> print(table([{"rule": "fixed", "share": 0.10042}], {"share": "{:.2f}"}).markdown)
     | rule | share |
-    |---|---|
+    |:---|---:|
     | fixed | 0.10 |
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Number
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -48,7 +49,8 @@ def table(
         columns: which columns to show, in this order, and the heading of each; all by default.
 
     Returns:
-        The table; bars and line breaks in texts are made harmless, other markup is kept.
+        The table, numbers to the right, texts to the left. Bars and line breaks in texts are made
+        harmless, other markup is kept.
 
     Raises:
         ValueError: if there is no row, or a column is missing.
@@ -57,7 +59,7 @@ def table(
         >>> rows = [{"x": 1, "note": "a | b"}]
         >>> print(table(rows, columns={"note": "remark", "x": "$x$"}))
         | remark | $x$ |
-        |---|---|
+        |:---|---:|
         | a \| b | 1 |
     """
     records = list(rows) if not hasattr(rows, "to_dict") else rows.to_dict("records")  # type: ignore[union-attr]
@@ -72,10 +74,15 @@ def table(
     write = dict(formats or {})
     lines = [
         _line(shown.values()),
-        "|" + "---|" * len(shown),
+        "|" + "".join(_alignment([record[key] for record in records]) for key in shown),
         *(_line(write.get(key, "{}").format(record[key]) for key in shown) for record in records),
     ]
     return Table("\n".join(lines))
+
+
+def _alignment(values: Sequence[object]) -> str:
+    """Texts to the left, numbers to the right."""
+    return "---:|" if all(isinstance(value, Number) for value in values) else ":---|"
 
 
 def _line(cells: Iterable[str]) -> str:

@@ -147,7 +147,7 @@ def worst_case(
     """
     w, upper = np.asarray(windows), np.asarray(printed)
     figure, axes = card(height=3.8)
-    axes.fill_between(w, np.asarray(least), np.asarray(exact), color=PALE, linewidth=0)
+    axes.fill_between(w, np.asarray(least), np.asarray(exact), color=BLUE, alpha=0.12, linewidth=0)
     axes.plot(w, upper, color=PURPLE, linestyle=_DASHES[1], label="paper, eq. (5)")
     axes.plot(w, np.asarray(exact), color=INK, label="exact worst and best case")
     axes.plot(w, np.asarray(least), color=INK)

@@ -14,7 +14,7 @@ def test_a_frame_and_its_records_give_the_same_table():
 
 def test_columns_choose_order_and_heading():
     made = table([{"a": 1, "b": 2, "c": 3}], columns={"c": "third", "a": "first"})
-    assert made.markdown.splitlines() == ["| third | first |", "|---|---|", "| 3 | 1 |"]
+    assert made.markdown.splitlines() == ["| third | first |", "|---:|---:|", "| 3 | 1 |"]
 
 
 def test_bars_and_line_breaks_do_not_break_a_row():
@@ -32,3 +32,8 @@ def test_no_row_and_no_such_column_are_refused():
         table([])
     with pytest.raises(ValueError, match="'speed'"):
         table([{"a": 1}], columns={"speed": "speed"})
+
+
+def test_numbers_stand_to_the_right_texts_to_the_left():
+    frame = pd.DataFrame({"rule": ["fixed"], "T": [5], "share": [0.5], "holds": [True]})
+    assert table(frame).markdown.splitlines()[1] == "|:---|---:|---:|---:|"
