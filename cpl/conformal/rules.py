@@ -218,6 +218,9 @@ class TrailingRange(StepRule):
     one number), and the first step is ``lr`` itself, which has the unit of a score only by
     convention.
 
+    With a delay their code measures the range up to the newest score, one that is not known yet
+    in the sense used here; ours ends where the event's does, so that the two agree at delay 1.
+
     There is no guarantee: constant scores have no range, and the threshold freezes wherever it
     is, if need be at 100 % error.
 

@@ -109,6 +109,9 @@ class Tracker:
         self._up, self._down = eta * (1.0 - self.alpha), eta * self.alpha
         self.reset()
 
+    def __repr__(self) -> str:
+        return f"Tracker({self.rule!r}, alpha={self.alpha}, delay={self.delay}, q={self.q})"
+
     @property
     def q(self) -> float:
         """The threshold that the next score meets [score]; infinite when ``PI`` saturates."""

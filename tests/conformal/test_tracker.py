@@ -29,6 +29,11 @@ def test_by_hand_with_delay():
     assert tracker.q == 2.25
 
 
+def test_it_shows_what_it_is_and_where_it_stands():
+    tracker = Tracker(Fixed(eta=1.0), alpha=0.25, delay=2, q0=0.5)
+    assert repr(tracker) == "Tracker(Fixed(eta=1.0), alpha=0.25, delay=2, q=0.5)"
+
+
 def test_pi_by_hand():
     tracker = Tracker(PI(Fixed(eta=1.0), K_I=2.0, C_sat=1.0, lag=0), alpha=0.5)
     assert tracker.update(9.0)
