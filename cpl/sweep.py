@@ -9,6 +9,7 @@ processes of this machine (joblib's loky), or the address of a dask scheduler.
 import logging
 import sys
 import time
+import warnings
 from collections.abc import Callable, Generator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -241,8 +242,12 @@ def _fan_out(
             "Generator[_Computed, None, None]",
             pool(joblib.delayed(_run)(function, name, shard, origin) for name, shard in work),
         )
-        with closing(results):
+        try:
             yield from results
+        finally:
+            with warnings.catch_warnings():  # joblib warns that it cancelled what we give up
+                warnings.simplefilter("ignore", UserWarning)
+                results.close()
 
 
 @contextmanager
