@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
+from typing import Any
 
 __all__ = ["register", "run"]
 
@@ -32,21 +34,36 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _computed(name: str) -> list[str]:
-    """Say for each profile how many shards today's code has, and what older code left."""
+    """Say for each profile what today's code has computed, and why older results are not used."""
     from cpl.experiments._machinery import experiment, job
-    from cpl.store import WorkStore
+    from cpl.store import WorkStore, plain
 
-    store, lines, current = WorkStore(), list[str](), set[str]()
+    store, lines = WorkStore(), list[str]()
+    kept = store.descriptions(name)
     for profile in experiment(name).PROFILES:
         task = job(name, profile)
-        current.add(task.key)
         there = set(store.shards(name, task.key)) & task.pieces.keys()
         if there:
             lines.append(f"{profile}: {len(there)} of {len(task.pieces)} shards computed")
-    other = store.descriptions(name).keys() - current
-    if other:
-        lines.append(f"{len(other)} computed with other code or settings (kept, not used)")
+        older = [
+            told
+            for key, told in kept.items()
+            if key != task.key and told.get("parameters") == plain(task.config)
+        ]
+        if older and not there:
+            lines.append(f"{profile}: computed, but stale: {_why(older[-1], task.origin)}")
     return lines or ["nothing computed here"]
+
+
+def _why(told: Mapping[str, Any], origin: str) -> str:
+    """Name the modules and packages that differ from those of an earlier computation."""
+    from cpl.store import module_digests, versions_below
+
+    now = module_digests(origin) | versions_below(origin)
+    before = {**told.get("modules", {}), **told.get("versions", {})}
+    names = sorted(before.keys() | now.keys())
+    changed = [name for name in names if before.get(name) != now.get(name)]
+    return f"{', '.join(changed)} changed" if changed else "its kind of key changed"
 
 
 def _published(name: str) -> list[str]:

@@ -76,6 +76,7 @@ class Job:
     config: Any
     pieces: dict[str, Shard]
     key: str
+    modules: dict[str, str]
     versions: dict[str, str]
 
     @property
@@ -157,6 +158,7 @@ def run_job(
         seeds=_seeds(plain(task.config)),
         label=task.module.LABEL,
         commit=source_commit(),
+        modules=task.modules,
         versions=task.versions,
         machine=machine(),
         made=today(),
@@ -178,8 +180,6 @@ def publish_result(result: Result) -> Manifest:
     if told.profile not in experiment(told.experiment).PROFILES:
         msg = f"profile must be unchanged to be published, got {told.profile!r}"
         raise ValueError(msg)
-    origins = [f"cpl.experiments.{told.experiment}"]
-    modules = module_digests(*origins)
     manifest = Manifest(
         experiment=told.experiment,
         profile=told.profile,
@@ -187,8 +187,8 @@ def publish_result(result: Result) -> Manifest:
         seeds=told.seeds,
         label=told.label,
         commit=told.commit,
-        origins=origins,
-        modules=modules,
+        origins=[f"cpl.experiments.{told.experiment}"],
+        modules=told.modules,
         versions=told.versions,
         machine=told.machine,
         made=told.made,
@@ -196,7 +196,7 @@ def publish_result(result: Result) -> Manifest:
         shards=list(told.shards),
         verified=Verification(
             date=told.made,
-            modules=modules,
+            modules=told.modules,
             versions=told.versions,
             shards=[shard.name for shard in told.shards],
             of=len(told.shards),
@@ -220,6 +220,7 @@ def published(name: str, profile: str) -> Result:
         seeds=manifest.seeds,
         label=manifest.label,
         commit=manifest.commit,
+        modules=manifest.modules,
         versions=manifest.versions,
         machine=manifest.machine,
         made=manifest.made,
@@ -269,7 +270,7 @@ def verify(name: str, profile: str, *, sample: int, seed: int, record: bool = Fa
 
 def _job(name: str, profile: str, config: Any) -> Job:  # noqa: ANN401 - its own Config
     module, origin = experiment(name), f"cpl.experiments.{name}"
-    versions = versions_below(origin)
+    modules, versions = module_digests(origin), versions_below(origin)
     pieces = {shard.name: shard for shard in module.shards(config)}
     key = stage_key(name, config, fingerprint=fingerprint(origin), versions=versions)
     return Job(
@@ -279,6 +280,7 @@ def _job(name: str, profile: str, config: Any) -> Job:  # noqa: ANN401 - its own
         config=config,
         pieces=pieces,
         key=key,
+        modules=modules,
         versions=versions,
     )
 
@@ -287,7 +289,7 @@ def _description(task: Job) -> dict[str, Any]:
     return {
         "experiment": task.name,
         "parameters": plain(task.config),
-        "modules": module_digests(task.origin),
+        "modules": task.modules,
         "versions": task.versions,
         "shards": len(task.pieces),
     }

@@ -22,6 +22,7 @@ class Provenance:
         seeds: Every seed that went in.
         label: What kind of evidence it is.
         commit: Commit of the source that made it.
+        modules: Digest of each module below the experiment, as it was computed.
         versions: Numerical packages.
         machine: Processor, cores, system, Python.
         made: Date (UTC).
@@ -39,6 +40,7 @@ class Provenance:
     seeds: dict[str, int]
     label: str
     commit: str
+    modules: dict[str, str]
     versions: dict[str, str]
     machine: dict[str, Any]
     made: str

@@ -1,0 +1,200 @@
+import json
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from cpl.claims import accept, changes, ledger, table
+from cpl.claims._ledger import Row
+from cpl.claims._rules import RULES, Source
+from cpl.claims._statements import CLAIMS
+from cpl.claims._verdicts import Verdict
+from cpl.store import data_path, import_closure, publish, read_published
+
+FIELDS = [
+    "row", "claim", "paper_value", "value", "low", "high", "n", "n_seeds", "rule", "verdict",
+    "flags", "chapter", "computed_from",
+]  # fmt: skip
+CORRECTED = "false as printed, true as corrected"
+VERDICTS = {
+    1: "holds", 2: "holds", 3: "holds", 4: CORRECTED, 5: CORRECTED, 6: CORRECTED,
+    7: "holds in part", 8: "holds", 9: "holds", 16: "holds",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return {row.row: row for row in ledger()}
+
+
+def test_fifty_rows_with_exactly_the_agreed_fields(rows):
+    assert list(rows) == list(range(1, 51))
+    assert [field.name for field in fields(Row)] == FIELDS
+    assert [claim.row for claim in CLAIMS] == list(range(1, 51))
+
+
+def test_every_verdict_is_of_the_vocabulary(rows):
+    assert {row.verdict for row in rows.values()} <= set(Verdict)
+    assert all(rows[n].verdict == "needs hardware" for n in range(42, 50))
+    pending = {n for n, row in rows.items() if row.verdict == "pending"}
+    assert pending == set(range(1, 51)) - set(RULES) - set(range(42, 50))
+
+
+def test_the_paper_disagrees_with_itself_where_the_list_says(rows):
+    flagged = {n for n, row in rows.items() if "paper inconsistent" in row.flags}
+    assert flagged == {4, 5, 6, 15, 31, 32, 38}
+
+
+def test_computed_rows_say_what_they_rest_on(rows):
+    for number in RULES:
+        row = rows[number]
+        assert row.computed_from
+        assert row.n > 0
+        assert row.low is None or row.low <= row.value <= row.high
+        for source in row.computed_from:
+            name, _, content = source.partition("/paper@")
+            assert read_published(name, "paper")[1].content.startswith(content)
+
+
+def test_the_theory_verdicts(rows):
+    """What the book says today; a deliberate change is committed by `cpl claims --accept`."""
+    assert {n: rows[n].verdict for n in RULES if n in VERDICTS} == VERDICTS
+    assert changes() == {}
+
+
+def test_numbers_reach_what_the_rules_ask_for(rows):
+    assert rows[1].n >= 100_000
+    assert rows[2].n >= 10_000
+    assert rows[4].n >= 1_000_000
+    assert rows[8].n >= 1_000_000
+
+
+def test_claims_never_start_an_experiment():
+    closure = import_closure("cpl.claims")
+    assert not [
+        m for m in closure if m.startswith(("cpl.experiments", "cpl.sweep", "cpl.conformal"))
+    ]
+
+
+# One line a mutation: row, experiment, what is done to its table.
+MUTATIONS = [
+    (1, "split_conformal", lambda t: t.assign(covered=t.draws - t.covered)),
+    (1, "split_conformal", lambda t: t.assign(covered=t.covered - t.draws // 50)),
+    (1, "split_conformal", lambda t: t.assign(coverage_sum=t.draws - t.coverage_sum)),
+    (1, "split_conformal", lambda t: t.assign(coverage_sumsq=t.coverage_sumsq * 1.001)),
+    (1, "split_conformal", lambda t: t.assign(pit_03=t.pit_03 + 400, pit_04=t.pit_04 - 400)),
+    (1, "split_conformal", lambda t: t[t.kind != "urn"]),
+    (2, "pathwise", lambda t: t.assign(above=t.above + (t.index == 7))),
+    (2, "pathwise", lambda t: t.assign(largest=t.largest * 10)),
+    (2, "pathwise", lambda t: t.assign(mean_error=1 - t.mean_error)),
+    (2, "pathwise", lambda t: t.assign(sequences=1)),
+    (3, "miscoverage", lambda t: t.assign(wrong_report=t.points - t.wrong_report)),
+    (3, "miscoverage", lambda t: t.assign(wrong_set=t.wrong_set + (t.index == 2))),
+    (3, "miscoverage", lambda t: t.assign(ties=0)),
+    (4, "windows", lambda t: t.assign(corrected=t.corrected + (t.index == 9))),
+    (4, "windows", lambda t: t.assign(beyond_exact=t.beyond_exact + (t.index == 9))),
+    (4, "windows", lambda t: t.assign(printed=0)),
+    (4, "windows", lambda t: t.assign(windows=1000)),
+    (4, "certificates", lambda t: t.assign(verdict="unknown")),
+    (5, "quantile_range", lambda t: t.assign(leaves=~t.leaves)),
+    (5, "quantile_range", lambda t: t.assign(q_max=t.q_max + 10)),
+    (5, "quantile_range", lambda t: t.assign(leaves_printed_high=False)),
+    (5, "certificates", lambda t: t.assign(verdict="refuted")),
+    (6, "update_rule", lambda t: t.assign(errors=t["T"] - t.errors)),
+    (6, "update_rule", lambda t: t.assign(rule=t.rule.map(SWAP))),
+    (6, "certificates", lambda t: t.assign(verdict="unknown")),
+    (7, "adaptive_step", lambda t: t.assign(violations=t.violations + 1)),
+    (7, "adaptive_step", lambda t: t.assign(violations=0)),
+    (7, "adaptive_step", lambda t: t.assign(error_rate=1 - t.error_rate)),
+    (7, "adaptive_step", lambda t: t.assign(ratio=t.ratio + 1)),
+    (8, "windows", lambda t: t.assign(lower=t.lower + (t.index == 3))),
+    (8, "pathwise", lambda t: t.assign(below=t.below + (t.index == 3))),
+    (8, "certificates", lambda t: t.assign(verdict="unknown")),
+    (9, "eventually_safe", lambda t: t.assign(violations=t.safe - t.violations)),
+    (9, "eventually_safe", lambda t: t.assign(ratio=1.0)),
+    (9, "eventually_safe", lambda t: t.assign(unsafe_broken=0)),
+    (9, "certificates", lambda t: t.assign(verdict="unknown")),
+    (16, "proximity", lambda t: t.assign(l_tilde=-t.l_tilde)),
+    (16, "proximity", lambda t: t.assign(l_tilde=1 - t.l_tilde)),
+    (16, "proximity", lambda t: t.assign(l_tilde=t.l_tilde * (t.index != 700))),
+]
+SWAP = {"printed": "corrected", "corrected": "printed"}
+
+
+@pytest.fixture(scope="module")
+def stored():
+    names = sorted({name for _, name, _ in MUTATIONS})
+    return {name: read_published(name, "paper") for name in names}
+
+
+def reader(stored, changed=None, change=None):
+    def read(experiment):
+        content, manifest = stored[experiment]
+        content = change(content).reset_index(drop=True) if experiment == changed else content
+        return Source(table=content, parameters=manifest.parameters)
+
+    return read
+
+
+def test_every_computed_row_has_mutations():
+    assert {row for row, _, _ in MUTATIONS} == set(VERDICTS)
+
+
+@pytest.mark.parametrize(("row", "experiment", "change"), MUTATIONS)
+def test_a_changed_result_flips_the_verdict(stored, row, experiment, change):
+    as_stored = RULES[row](reader(stored)).verdict
+    assert as_stored == VERDICTS[row]
+    assert RULES[row](reader(stored, experiment, change)).verdict != as_stored
+
+
+@pytest.fixture
+def copy(tmp_path, stored):
+    """All published theory results in a layer of the test's own."""
+    for content, manifest in stored.values():
+        publish(content, manifest, root=tmp_path)
+    accept(root=tmp_path)
+    return tmp_path
+
+
+def test_a_change_in_the_stored_files_is_reported(copy, stored):
+    assert changes(root=copy) == {}
+    content, manifest = stored["proximity"]
+    publish(content.assign(l_tilde=-content["l_tilde"]), manifest, root=copy)
+    assert changes(root=copy) == {16: ("holds", "does not hold")}
+    assert {r.row: r for r in ledger(root=copy)}[16].verdict == "does not hold"
+
+
+def test_a_missing_result_makes_its_rows_pending(copy):
+    (copy / "certificates" / "paper.json").unlink()
+    changed = changes(root=copy)
+    assert set(changed) == {4, 5, 6, 7, 8, 9}
+    assert {now for _, now in changed.values()} == {"pending"}
+
+
+def test_a_verdict_typed_by_hand_is_noticed(copy):
+    path = copy / "verdicts.json"
+    verdicts = json.loads(path.read_text())
+    path.write_text(json.dumps({**verdicts, "10": "holds"}))
+    assert changes(root=copy) == {10: ("holds", "pending")}
+
+
+def test_no_verdict_is_typed_in_the_statements():
+    text = data_path().parent.joinpath("cpl", "claims", "_statements.py").read_text()
+    assert "verdict" not in text
+    assert not any(hasattr(claim, "verdict") for claim in CLAIMS)
+
+
+def test_the_table_for_a_page():
+    shown = str(table(1, 4, 42))
+    assert len(shown.splitlines()) == 5
+    assert "false as printed, true as corrected (paper inconsistent)" in shown
+    assert shown == table(1, 4, 42)._repr_markdown_()
+    assert len(str(table()).splitlines()) == 52
+    with pytest.raises(ValueError, match="got 51"):
+        table(51)
+
+
+def test_values_are_plain_numbers(rows):
+    for row in rows.values():
+        assert not isinstance(row.value, np.generic)
+        json.dumps(row.__dict__, allow_nan=False)
