@@ -9,12 +9,13 @@ from matplotlib.patches import Rectangle
 from matplotlib.transforms import Affine2D
 from numpy.typing import ArrayLike
 
-from cpl.figures.style import BLUE, GREY, INK, PALE, RED, Card, cards, drawn, level, note, span
+from cpl.figures.style import BLUE, GREY, INK, RED, Card, cards, drawn, level, note, span
 
 __all__ = ["forecasts", "moments", "rides"]
 
 _LANE = 4.0  # [m] width
 _LENGTH, _BREADTH = 5.0, 2.0  # [m] of a car
+_BAND = "#b9dcf0"  # a pale BLUE that stands out from the shading of a span
 
 
 @drawn
@@ -64,7 +65,7 @@ def forecasts(
     figure, (upper, lower) = cards(2, 4.8)
     missed = np.abs(truth - guess) > threshold
     upper.fill_between(
-        t, guess - threshold, guess + threshold, step="mid", color=PALE, label="forecast ± q"
+        t, guess - threshold, guess + threshold, step="mid", color=_BAND, label="forecast ± q"
     )
     upper.plot(t[~missed], truth[~missed], "o", color=GREY, markersize=3, label="happened, covered")
     upper.plot(t[missed], truth[missed], "^", color=RED, markersize=5, label="happened, missed")
