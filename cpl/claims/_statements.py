@@ -40,8 +40,8 @@ _THEORY = (
         "split conformal prediction covers with probability at least 1 - alpha",
         "Section II",
         ">= 1 - alpha",
-        "coverage of fresh scores; in 1e5 draws of each kind mean, variance and shape agree with "
-        "the Beta law within 4 standard errors, and ties only add",
+        "mean coverage over calibration sets; in 1e5 draws of each kind mean, variance and shape "
+        "meet the Beta law within 4 standard errors, and ties only add",
         "promise",
     ),
     Claim(

@@ -80,9 +80,9 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
 
     Returns:
         One row a sequence: ``reading`` (``running`` or ``trailing``), ``kind, alpha, sequence``;
-        ``windows`` looked at; ``violations`` of the bound; ``ratio``, the largest deviation as a
-        share of it (for the trailing reading: of the bound that the running one has);
-        ``error_rate`` over the second half.
+        ``windows`` looked at; ``violations``, how many start times have a window that breaks the
+        bound; ``ratio``, the largest deviation as a share of it (for the trailing reading: of the
+        bound that the running one has); ``error_rate`` over the second half.
     """
     reading, kind, alpha = shard.text("reading"), shard.text("kind"), float(shard["alpha"])
     if reading == "trailing":

@@ -56,6 +56,11 @@ def test_computed_rows_say_what_they_rest_on(rows):
             assert read_published(name, "paper")[1].content.startswith(content)
 
 
+def test_computed_rows_are_shown_in_a_chapter_that_exists(rows):
+    for number in RULES:
+        assert (data_path().parent / "book" / f"{rows[number].chapter}.md").is_file()
+
+
 def test_the_theory_verdicts(rows):
     """What the book says today; a deliberate change is committed by `cpl claims --accept`."""
     assert {n: rows[n].verdict for n in RULES if n in VERDICTS} == VERDICTS
