@@ -1,6 +1,6 @@
 """Make the golden fixtures: what highway-env does, step by step, in libm's arithmetic.
 
-    python tests/highway/make_fixtures.py [--jobs 2] [--stages small long ...]
+    python tests/highway/make_fixtures.py [--jobs 2] [--out DIR] [--stages small long ...]
 
 numpy's AVX-512 kernels differ from libm in the last bit of arcsin, arctan, tan, exp and power, so
 they are switched off (the script starts itself again with NPY_DISABLE_CPU_FEATURES set) and the
@@ -35,19 +35,20 @@ def main() -> None:
         os.execve(sys.executable, [sys.executable, *sys.argv], environ)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=FIXTURES)
     parser.add_argument("--stages", nargs="*", choices=[*oracle.INJECTED, *oracle.STAGES])
     arguments = parser.parse_args()
     stages = arguments.stages or [
         name
         for name in (*oracle.INJECTED, *oracle.STAGES)
-        if not (FIXTURES / f"{name}.json").exists()
+        if not (arguments.out / f"{name}.json").exists()
     ]
-    FIXTURES.mkdir(exist_ok=True)
+    arguments.out.mkdir(exist_ok=True)
     with ProcessPoolExecutor(arguments.jobs, mp_context=get_context("spawn")) as pool:
         for stage in stages:
             make = make_injected if stage in oracle.INJECTED else make_episodes
             arrays, plan = make(oracle, stage, pool)
-            write_stage(stage, arrays, plan, oracle.LIBM_FLAGS)
+            write_stage(arguments.out, stage, arrays, plan, oracle.LIBM_FLAGS)
             print(stage, len(arrays["action"]), "rows", flush=True)  # noqa: T201
 
 
@@ -76,7 +77,7 @@ def make_injected(oracle, stage, pool):
     return arrays, plan
 
 
-def write_stage(stage, arrays, plan, flags) -> None:
+def write_stage(folder, stage, arrays, plan, flags) -> None:
     """Both files of a stage, each in one piece."""
     import numpy as np
 
@@ -91,8 +92,8 @@ def write_stage(stage, arrays, plan, flags) -> None:
         "groups": plan,
     }
     text = json.dumps(manifest, separators=(",", ":")).replace('{"options"', '\n{"options"')
-    replace_file(FIXTURES / f"{stage}.npz", buffer.getvalue())
-    replace_file(FIXTURES / f"{stage}.json", (text + "\n").encode())
+    replace_file(folder / f"{stage}.npz", buffer.getvalue())
+    replace_file(folder / f"{stage}.json", (text + "\n").encode())
 
 
 def replace_file(path: Path, content: bytes) -> None:

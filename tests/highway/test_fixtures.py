@@ -6,6 +6,8 @@ rewards agree to the last bit, in ordinary traffic, through crashes and from sta
 """
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -106,3 +108,15 @@ def test_some_episodes_ran_on_past_a_crash():
     arrays, _ = load("long")
     crashed = arrays["ended"] & 1
     assert (crashed[1:] & crashed[:-1]).sum() > 100
+
+
+@pytest.mark.oracle
+def test_fixtures_can_be_made_again(tmp_path):
+    script = str(FIXTURES.parent / "make_fixtures.py")
+    subprocess.run([sys.executable, script, "--out", tmp_path, "--stages", "fast"], check=True)
+    arrays, manifest = load("fast")
+    assert json.loads((tmp_path / "fast.json").read_text())["groups"] == manifest["groups"]
+    with np.load(tmp_path / "fast.npz", allow_pickle=False) as again:
+        assert sorted(again.files) == sorted(arrays)
+        for name, values in arrays.items():
+            np.testing.assert_array_equal(again[name], values, name)
