@@ -11,6 +11,7 @@ from pathlib import Path
 from cpl.publish.chapters import find_chapters, find_pages
 from cpl.publish.run import Report, execute_all
 from cpl.publish.stage import remove, write_stage
+from cpl.store import atomic_write
 
 __all__ = ["SiteError", "build", "render"]
 
@@ -41,6 +42,8 @@ def build(root: Path, *, jobs: int = 2, report: Report = print) -> Path:
     write_stage(stage, root, chapters, executed)
     report(f"rendering {len(pages)} pages")
     fresh = render(stage, root / "_build" / "render")
+    front = find_pages(root)[0].relative_to(root).with_suffix(".html").as_posix()
+    atomic_write(fresh / "index.html", _ENTRANCE.format(front=front))
     site, old = root / "_build" / "html", root / "_build" / "html.old"
     remove(old)
     if site.exists():
@@ -89,3 +92,16 @@ def _complaints(said: str, stage: Path) -> str:
     )
     lines = [line for line in plain.splitlines() if "WARNING" in line or "ERROR" in line]
     return "the renderer complains\n\n" + ("\n".join(lines) or plain.strip())
+
+
+# A static host and a reader with a file manager both open index.html first.
+_ENTRANCE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8" />
+<meta http-equiv="refresh" content="0; url={front}" />
+<title>To the front page</title>
+</head>
+<body><p><a href="{front}">To the front page</a></p></body>
+</html>
+"""

@@ -1,0 +1,48 @@
+"""Every page of the book, opened as readers open it."""
+
+import pytest
+
+pytestmark = pytest.mark.browser
+
+RULES = ("wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa")
+WIDTHS = {"desktop": 1280, "phone": 390}
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_page_opens_from_disk_and_is_accessible(site, open_page, page, scheme, width):
+    from axe_playwright_python.sync_playwright import Axe
+
+    tab, watch = open_page((site / page).as_uri(), scheme=scheme, width=WIDTHS[width])
+    assert watch.complaints == []
+    assert watch.off_site(site.as_uri()) == []
+    _says_what_it_is_about(tab, page)
+    assert tab.evaluate("document.documentElement.scrollWidth - window.innerWidth") <= 0
+    unset = "[...document.querySelectorAll('.math')].filter(e => !e.querySelector('mjx-container'))"
+    assert tab.evaluate(f"{unset}.length") == 0
+    assert tab.locator("mjx-merror").count() == 0
+    hidden = "[...document.images].filter(i => !i.complete || !i.naturalWidth).map(i => i.src)"
+    assert tab.evaluate(hidden) == []
+    found = Axe().run(tab, options={"preload": False, "runOnly": list(RULES)})
+    assert [
+        (violation["id"], node["target"], node["failureSummary"])
+        for violation in found.response["violations"]
+        for node in violation["nodes"]
+    ] == []
+
+
+def test_a_page_opens_from_a_server(server, open_page, page):
+    tab, watch = open_page(f"{server}/{page}")
+    assert watch.complaints == []
+    assert watch.off_site(server) == []
+    assert tab.title()
+
+
+def _says_what_it_is_about(tab, page):
+    assert tab.title().strip(" —-")
+    assert tab.locator("html[lang]").count() == 1
+    assert tab.locator("h1").count() >= 1
+    if page.startswith("book/"):
+        description = tab.locator('meta[name="description"]')
+        assert description.count() == 1
+        assert 30 <= len(description.get_attribute("content")) <= 210
