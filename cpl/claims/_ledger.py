@@ -62,7 +62,7 @@ class ClaimsTable:
     def __str__(self) -> str:
         lines = [
             "| # | claim | paper | ours | 95 % interval | verdict |",
-            "|---|---|---|---|---|---|",
+            "|---:|:---|:---|---:|---:|:---|",
         ]
         return "\n".join([*lines, *(_line(row) for row in self.rows)])
 

@@ -59,8 +59,8 @@ ERRATA: tuple[Erratum, ...] = (
         number=1,
         where="quantile update",
         printed=r"$q_{t+1} = q_t - \eta\nabla\rho_{1-\alpha}(\mathrm{err}_t-\alpha)$",
-        corrected=r"$q_{t+1} = q_t - \eta\,\partial_q\,\rho_{1-\alpha}(s_t-q_t) "
-        r"= q_t + \eta(\mathrm{err}_t-\alpha)$",
+        corrected=r"$q_{t+1} = q_t - \eta\,\partial_q\,\rho_{1-\alpha}(s_t-q_t)$ "
+        r"$= q_t + \eta(\mathrm{err}_t-\alpha)$",
         kind="checkable",
         explanation="The slope of the quantile loss at the printed argument is err - alpha itself, "
         "so the printed minus sign lowers q after a miss. Below zero every score is missed and q "
@@ -77,7 +77,7 @@ ERRATA: tuple[Erratum, ...] = (
     Erratum(
         number=2,
         where="Theorem 1, first display of the proof",
-        printed=r"$(q_{T_0+W}-q_{T_0})/(\eta W) = +\frac1W\sum\nabla\rho_{1-\alpha}$, which does "
+        printed=r"$(q_{T_0+W}-q_{T_0})/(\eta W)$ $= +\frac1W\sum\nabla\rho_{1-\alpha}$, which does "
         "not follow from the printed update",
         corrected="the plus sign is right; it is the update that has the wrong one (erratum 1)",
         kind="wording",
@@ -154,10 +154,10 @@ ERRATA: tuple[Erratum, ...] = (
     Erratum(
         number=7,
         where="Theorem 1, last display of the proof",
-        printed=r"$\frac1W\sum_{t=T_0}^{T_0+W}\mathrm{err}_t \le "
-        r"\alpha+\frac{q_{T_0+W}-q_{T_0}}{\eta W} \le \dots$",
-        corrected=r"$\frac1W\sum_{t=T_0}^{T_0+W-1}\mathrm{err}_t = "
-        r"\alpha+\frac{q_{T_0+W}-q_{T_0}}{\eta W} < \dots$",
+        printed=r"$\frac1W\sum_{t=T_0}^{T_0+W}\mathrm{err}_t$ "
+        r"$\le \alpha+\frac{q_{T_0+W}-q_{T_0}}{\eta W} \le \dots$",
+        corrected=r"$\frac1W\sum_{t=T_0}^{T_0+W-1}\mathrm{err}_t$ "
+        r"$= \alpha+\frac{q_{T_0+W}-q_{T_0}}{\eta W} < \dots$",
         kind="checkable",
         explanation="Rearranging an equality gives an equality (with the extra term of the printed "
         "sum even the inequality is false), and the last step is strict because the upper end of "
