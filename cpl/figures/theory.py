@@ -93,7 +93,7 @@ def error_rates(curves: Mapping[str, ArrayLike], *, alpha: float) -> Card:
         values = np.asarray(errors, dtype=float)
         time = np.arange(1, len(values) + 1)
         axes.plot(time, np.cumsum(values) / time, color=hue, linestyle=dash, label=name)
-    level(axes, alpha, "target alpha")
+    level(axes, alpha, "target alpha", below=True)
     axes.set_xscale("log")
     axes.set_ylim(-0.03, 1.05)
     _frame(axes, "number of steps so far", "share of errors")
@@ -155,7 +155,7 @@ def worst_case(
     empty = w[upper >= 1]
     if empty.size:
         span(axes, float(w[0]), float(empty[-1]), "no promise")
-    level(axes, alpha, "target alpha")
+    level(axes, alpha, "target alpha", x=0.6, below=True)
     axes.set_xscale("log")
     axes.set_ylim(-0.03, 1.19)
     axes.set_yticks(np.linspace(0, 1, 6))
