@@ -21,6 +21,7 @@ __all__ = [
     "ENV_ID",
     "HighwayEnv",
     "action_space",
+    "checked_seed",
     "info_at_reset",
     "info_dict",
     "observation_space",
@@ -82,16 +83,15 @@ class HighwayEnv(gymnasium.Env[NDArray[np.float32], np.int64]):
             The observation and the info.
 
         Raises:
-            ValueError: if the seed does not fit 64 bits, or an option is unknown or impossible.
+            ValueError: if the seed is no integer of 64 bits, or an option is unknown or impossible.
         """
+        seed = checked_seed(seed)
         super().reset(seed=seed)
         changes = (options or {}).get("config")
         if changes:
             self._reconfigure(changes)
         if seed is None and not self._seeded:
             seed = int(self.np_random.integers(2**63))
-        if seed is not None and seed >= 2**64:
-            raise ValueError(f"seed must be below 2**64, got {seed}")
         obs = self._engine.reset(None if seed is None else np.array([seed], dtype=np.uint64))
         self._seeded = True
         return obs[0], info_dict(info_at_reset(self._engine), 0, _IDLE)
@@ -182,6 +182,27 @@ def register() -> None:
             entry_point="cpl.highway.env:HighwayEnv",
             vector_entry_point="cpl.highway.vector:HighwayVectorEnv",
         )
+
+
+def checked_seed(seed: object) -> int | None:
+    """Take a seed that numpy and the engine both take.
+
+    Args:
+        seed: an integer in [0, 2**64), or None.
+
+    Returns:
+        The same as a Python integer, or None.
+
+    Raises:
+        ValueError: if it is something else.
+    """
+    if seed is None:
+        return None
+    if not isinstance(seed, int | np.integer) or isinstance(seed, bool):
+        raise ValueError(f"seed must be an integer in [0, 2**64), got {seed!r}")
+    if not 0 <= int(seed) < 2**64:
+        raise ValueError(f"seed must be an integer in [0, 2**64), got {seed!r}")
+    return int(seed)
 
 
 def action_space() -> gymnasium.spaces.Discrete:

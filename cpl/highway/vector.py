@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 
 from cpl.highway.config import Config
 from cpl.highway.engine import Engine, Info
-from cpl.highway.env import action_space, info_at_reset, observation_space, state_of
+from cpl.highway.env import (
+    action_space,
+    checked_seed,
+    info_at_reset,
+    observation_space,
+    state_of,
+)
 from cpl.highway.options import make_config
 from cpl.highway.render import Renderer
 from cpl.highway.state import State
@@ -113,9 +119,9 @@ class HighwayVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray
             ValueError: if there are not as many seeds as environments, a seed does not fit 64 bits,
                 the mask is not a bool array of their number with one True, or an option is unknown.
         """
-        if isinstance(seed, int | np.integer):
-            super().reset(seed=int(seed))
         mask = self._mask(options)
+        if isinstance(seed, int | np.integer):
+            super().reset(seed=checked_seed(seed))
         seeds, seeded = self._seeds(seed)
         fresh = np.zeros_like(self._obs)
         if (mask & seeded).any():
@@ -192,19 +198,16 @@ class HighwayVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.int64], NDArray
         self, seed: int | Sequence[int | None] | None
     ) -> tuple[NDArray[np.uint64], NDArray[np.bool_]]:
         """Seeds, and which environments they are for: those given one or never reset before."""
-        if seed is None:
-            given: list[int | None] = [None] * self.num_envs
-        elif isinstance(seed, int | np.integer):
-            given = [int(seed) + e for e in range(self.num_envs)]
-        else:
-            given = list(seed)
+        given: list[int | None] = [None] * self.num_envs
+        if isinstance(seed, int | np.integer):
+            given = [checked_seed(int(seed) + e) for e in range(self.num_envs)]
+        elif seed is not None:
+            given = [checked_seed(number) for number in seed]
         if len(given) != self.num_envs:
             raise ValueError(f"seed has {len(given)} entries for {self.num_envs} environments")
         for e, number in enumerate(given):
             if number is None and not self._seeded[e]:
                 given[e] = int(self.np_random.integers(2**63))
-            elif number is not None and not 0 <= number < 2**64:
-                raise ValueError(f"seed must be in [0, 2**64), got {number}")
         seeded = np.array([number is not None for number in given])
         return np.array([number or 0 for number in given], dtype=np.uint64), seeded
 

@@ -92,8 +92,8 @@ def test_results_are_not_written_to_again_and_do_not_hang_on_threads():
         (lambda e: e.step(np.ones(2)), "actions must be integers of shape"),
         (lambda e: e.step(np.array([1, 7])), "actions must be in"),
         (lambda e: e.reset(seed=[1, 2, 3]), "seed has 3 entries for 2 environments"),
-        (lambda e: e.reset(seed=-1), "seed|Seed"),
-        (lambda e: e.reset(seed=[1, -1]), "seed must be in"),
+        (lambda e: e.reset(seed=-1), "seed must be an integer"),
+        (lambda e: e.reset(seed=[1, -1]), "seed must be an integer"),
         (lambda e: e.reset(options={"reset_mask": [True, True]}), "reset_mask must be a bool"),
         (lambda e: e.reset(options={"reset_mask": np.array([True])}), "reset_mask must have shape"),
         (lambda e: e.reset(options={"masque": None}), "unknown option of reset: masque"),
@@ -102,7 +102,7 @@ def test_results_are_not_written_to_again_and_do_not_hang_on_threads():
 def test_bad_calls(call, message):
     envs = HighwayVectorEnv(2, **SMALL)
     envs.reset(seed=0)
-    with pytest.raises((ValueError, gymnasium.error.Error), match=message):
+    with pytest.raises(ValueError, match=message):
         call(envs)
 
 
@@ -116,8 +116,10 @@ def test_bad_batches():
         HighwayVectorEnv(2, autoreset_mode="Sometimes", **SMALL)
     envs = HighwayVectorEnv(2, autoreset_mode="Disabled", **SMALL)
     envs.reset(seed=0)
-    for _ in range(SMALL["duration"]):
-        envs.step(np.array([4, 4]))
+    ended = False
+    while not ended:
+        _, _, terminated, truncated, _ = envs.step(np.array([4, 4]))
+        ended = (terminated | truncated).any()
     with pytest.raises(ValueError, match="have ended; reset them"):
         envs.step(np.array([4, 4]))
 
