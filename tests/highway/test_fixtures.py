@@ -36,6 +36,14 @@ def compare(oracle, rows, arrays, first, what):
         np.testing.assert_array_equal(table[name], arrays[name][first : first + len(rows)], what)
 
 
+@pytest.fixture(params=["fast", "portable"])
+def path(request, monkeypatch):
+    """Both of the engine's arithmetics, whichever it would choose here."""
+    monkeypatch.setenv("CPL_HIGHWAY_PATH", request.param)
+    return request.param
+
+
+@pytest.mark.usefixtures("path")
 @pytest.mark.parametrize("stage", STAGES)
 def test_episodes_are_highway_envs_bit_for_bit(stage, oracle, engine_runs):
     arrays, manifest = load(stage)
@@ -50,6 +58,7 @@ def test_episodes_are_highway_envs_bit_for_bit(stage, oracle, engine_runs):
     assert first == len(arrays["action"])
 
 
+@pytest.mark.usefixtures("path")
 @pytest.mark.parametrize("stage", INJECTED)
 def test_injected_states_go_on_as_in_highway_env(stage, oracle, engine_runs):
     arrays, manifest = load(stage)
