@@ -47,7 +47,7 @@ class Limits:
 
     v_x_mps: float = 1.1
     v_y_mps: float = 1.0
-    yaw_rate_radps: float = 2.0
+    yaw_rate_radps: float = 3.0
 
     def __post_init__(self) -> None:
         for name in ("v_x_mps", "v_y_mps", "yaw_rate_radps"):
