@@ -53,7 +53,8 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
 
     Returns:
         One row: ``name, kind`` (proof or counterexample), ``statement, by_machine, by_hand``,
-        ``verdict`` (``proved``, ``found``, or what went wrong), ``queries``, ``numbers``.
+        ``verdict`` (``proved``, ``found``, or what went wrong), ``queries``. The numbers of a
+        counterexample are left out: which of many z3 finds depends on what it was asked before.
     """
     del config
-    return as_table([CERTIFICATES[shard.text("name")].check()])
+    return as_table([CERTIFICATES[shard.text("name")].check()]).drop(columns="numbers")
