@@ -202,7 +202,10 @@ def _finished(
             with closing(_fan_out(function, left, origin, workers, cluster)) as computed:
                 for name, table, seconds, theirs in computed:
                     if theirs != code:
-                        msg = f"shard {name!r} was computed by other code of {origin} than here"
+                        msg = (
+                            f"shard {name!r} was computed by other code of {origin} than the "
+                            "driver started with; start again"
+                        )
                         raise CodeMismatchError(msg)
                     yield name, table, seconds
                     del left[name]

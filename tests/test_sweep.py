@@ -150,11 +150,9 @@ def test_progress_elsewhere_speaks_now_and_then(monkeypatch):
 
 
 DRIVER = f"""
-import importlib.util, sys
-spec = importlib.util.spec_from_file_location("toy_shards", {str(HERE)!r})
-toy = importlib.util.module_from_spec(spec)
-sys.modules["toy_shards"] = toy
-spec.loader.exec_module(toy)
+import sys
+sys.path.insert(0, {str(HERE.parent)!r})  # workers import the shards' functions by name
+import test_sweep as toy
 from pathlib import Path
 from cpl.store import WorkStore
 store = WorkStore(Path(sys.argv[1]))

@@ -96,27 +96,35 @@ def test_names_cannot_leave_the_layer(tmp_path, table, manifest, name):
         publish(table, replace(manifest, experiment=name), root=tmp_path)
 
 
-@pytest.mark.parametrize("suffix", [".json", ".parquet"])
-def test_damage_is_never_used(tmp_path, table, manifest, suffix):
-    """Truncations and bit flips: either refused, or (in the manifest) what it says is unchanged."""
-    path = publish(table, manifest, root=tmp_path)
-    victim = path.with_suffix(suffix)
-    whole, rng = victim.read_bytes(), stream(0, "faults", suffix)
-    told = read_manifest("toy", "paper", root=tmp_path)
-    for cut in rng.integers(0, len(whole), 20):
-        victim.write_bytes(whole[:cut])
-        if whole[:cut].strip() != whole.strip():
-            with pytest.raises(DamagedResultError):
-                read_published("toy", "paper", root=tmp_path)
-    for place in rng.integers(0, len(whole), 40):
+def check_faults(folder, table, manifest, suffix, count):
+    """Cut and flip: every time it is refused, or (never seen) what it says is unchanged."""
+    path = publish(table, manifest, root=folder).with_suffix(suffix)
+    whole, rng = path.read_bytes(), stream(0, "faults", suffix)
+    told = read_manifest("toy", "paper", root=folder)
+    for cut in rng.integers(0, len(whole) - 1, count):
+        path.write_bytes(whole[:cut])
+        with pytest.raises(DamagedResultError):
+            read_published("toy", "paper", root=folder)
+    for place in rng.integers(0, len(whole), count):
         flipped = bytes([whole[place] ^ (1 << int(rng.integers(0, 8)))])
-        victim.write_bytes(whole[:place] + flipped + whole[place + 1 :])
+        path.write_bytes(whole[:place] + flipped + whole[place + 1 :])
         try:
-            back, now = read_published("toy", "paper", root=tmp_path)
+            back, now = read_published("toy", "paper", root=folder)
         except DamagedResultError:
             continue
         assert now == told
         assert same_table(back, table, rtol=0, atol=0) is None
+
+
+@pytest.mark.parametrize("suffix", [".json", ".parquet"])
+def test_damage_is_never_used(tmp_path, table, manifest, suffix):
+    check_faults(tmp_path, table, manifest, suffix, 20)
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("suffix", [".json", ".parquet"])
+def test_damage_is_never_used_200_each(tmp_path, table, manifest, suffix):
+    check_faults(tmp_path, table, manifest, suffix, 200)
 
 
 def test_a_manifest_cannot_be_edited_by_hand(tmp_path, table, manifest):
