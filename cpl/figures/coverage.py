@@ -71,7 +71,7 @@ def two_coverages(
         share = np.convolve(np.asarray(covered, dtype=float), np.ones(window) / window, "valid")
         axes.plot(time, share, color=hue, linestyle=dash, label=name)
     span(axes, shift, float(time[-1]), "after the shift")
-    level(axes, target, "target 1 - alpha")
+    level(axes, target, "target 1 - alpha", x=0.45, below=True)
     axes.set(xlabel="time step t", ylabel=f"coverage of the last {window}", ylim=(-0.03, 1.12))
     axes.legend(loc="lower left")
     return figure
@@ -89,8 +89,8 @@ def danger(scores: ArrayLike, q: ArrayLike, dangerous: ArrayLike) -> Card:
     s, threshold, mask = np.asarray(scores), np.asarray(q), np.asarray(dangerous, dtype=bool)
     time, missed = np.arange(len(s)), s > threshold
     figure, (axes, strip) = cards(2, height=4.0, ratios=(3, 1))
-    axes.plot(time[~mask], s[~mask], "o", color=GREY, markersize=3, label="harmless step")
-    axes.plot(time[mask], s[mask], "D", color=RED, markersize=5, label="dangerous step")
+    axes.plot(time[~mask], s[~mask], "o", color=GREY, markersize=3, label="harmless")
+    axes.plot(time[mask], s[mask], "D", color=RED, markersize=5, label="dangerous")
     axes.step(time, threshold, where="mid", color=BLUE, label="q, the threshold")
     axes.set_ylabel("score")
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0.2)
@@ -140,7 +140,7 @@ def window_law(measured: ArrayLike, expected: ArrayLike) -> Card:
     axes.bar(count - 0.2, have, width=0.38, color=BLUE, label="tracker")
     axes.bar(count + 0.2, chance, width=0.38, color=PALE, edgecolor=GREY, hatch="//",
              label="independent errors")  # fmt: skip
-    for x, share in ((count[-1] - 0.2, have[-1]), (count[-1] + 0.2, chance[-1])):
+    for x, share in ((count[-1] - 0.27, have[-1]), (count[-1] + 0.27, chance[-1])):
         note(axes, float(x), float(share) + 0.035, f"{share:.2f}", ha="center")
     axes.set_xticks(count)
     axes.set(xlabel="covered steps in the window", ylabel="share of windows", ylim=(0, 1))

@@ -53,7 +53,7 @@ PURPLE = "#9b4a7a"  # Okabe-Ito reddish purple, darkened: what the paper prints
 GREY = "#666666"  # data in the background
 PALE = "#ebebeb"  # areas only, never text
 
-WIDTH = 6.4  # [inch], the text column of a page 1280 px wide
+WIDTH = 5.6  # [inch]: fits the text column of a wide page, and is still legible on a phone
 
 _STYLE: dict[RcKeyType, Any] = {
     "axes.axisbelow": True,

@@ -50,7 +50,7 @@ def tracked(scores: ArrayLike, q: ArrayLike, *, shift: int | None = None) -> Car
     time, missed = np.arange(len(s)), s > threshold
     figure, axes = card()
     axes.plot(time[~missed], s[~missed], "o", color=GREY, markersize=3, label="covered score")
-    axes.plot(time[missed], s[missed], "^", color=RED, markersize=5.5, label="error: score above q")
+    axes.plot(time[missed], s[missed], "^", color=RED, markersize=5.5, label="error")
     axes.step(time, threshold, where="mid", color=BLUE, label="q, the threshold")
     if shift is not None:
         span(axes, shift - 0.5, len(s) - 0.5, "after the shift")
@@ -88,7 +88,7 @@ def error_rates(curves: Mapping[str, ArrayLike], *, alpha: float) -> Card:
         curves: errors (0 or 1) by name of the rule, each of shape (T,).
         alpha: target rate of errors.
     """
-    figure, axes = card(height=3.4)
+    figure, axes = card(height=3.8)
     for (name, errors), hue, dash in zip(curves.items(), _HUES, _DASHES, strict=False):
         values = np.asarray(errors, dtype=float)
         time = np.arange(1, len(values) + 1)
@@ -97,7 +97,7 @@ def error_rates(curves: Mapping[str, ArrayLike], *, alpha: float) -> Card:
     axes.set_xscale("log")
     axes.set_ylim(-0.03, 1.05)
     _frame(axes, "number of steps so far", "share of errors")
-    _legend_above(axes, 2)
+    _legend_above(axes, 1)
     return figure
 
 
@@ -154,7 +154,8 @@ def worst_case(
     axes.plot(w, np.asarray(attained), "o", color=RED, markersize=4, label="adversary, measured")
     empty = w[upper >= 1]
     if empty.size:
-        span(axes, float(w[0]), float(empty[-1]), "no promise")
+        axes.axvspan(float(w[0]), float(empty[-1]), color=PALE, zorder=0, linewidth=0)
+        axes.text(float(w[0]) * 1.1, 1.1, "no promise", color=GREY, va="center")
     level(axes, alpha, "target alpha", x=0.6, below=True)
     axes.set_xscale("log")
     axes.set_ylim(-0.03, 1.19)
@@ -225,7 +226,7 @@ def integral(errors: Mapping[str, ArrayLike], *, upper: ArrayLike, lower: float)
     axes.plot(time, ceiling, color=INK, linestyle=_DASHES[4], label="bound")
     axes.axhline(lower, color=INK, linestyle=_DASHES[4])
     _frame(axes, "time step t", "surplus of errors")
-    _legend_above(axes, 3)
+    _legend_above(axes, 2)
     return figure
 
 

@@ -24,7 +24,7 @@ def test_two_coverages_average_over_the_window_only():
 
 def test_danger_marks_dangerous_steps_and_errors_apart():
     axes, strip = coverage.danger([0.1, 0.9, 0.3], [0.2, 0.2, 0.2], [False, True, False]).axes
-    dangerous = next(one for one in axes.lines if one.get_label() == "dangerous step")
+    dangerous = next(one for one in axes.lines if one.get_label() == "dangerous")
     assert dangerous.get_xydata().tolist() == [[1, 0.9]]
     errors, dangers = strip.collections
     assert [len(errors.get_positions()), len(dangers.get_positions())] == [2, 1]

@@ -20,7 +20,7 @@ def line(axes, name):
 
 def test_tracked_tells_errors_from_covered_scores_and_counts_a_tie_as_covered():
     (axes,) = theory.tracked([0.0, 0.5, 0.4], [0.0, 0.0, 0.4], shift=1).axes
-    assert line(axes, "error: score above q").tolist() == [[1, 0.5]]
+    assert line(axes, "error").tolist() == [[1, 0.5]]
     assert line(axes, "covered score").tolist() == [[0, 0.0], [2, 0.4]]
     assert line(axes, "q, the threshold")[:, 1].tolist() == [0.0, 0.0, 0.4]
     assert "after the shift" in labels(axes)
