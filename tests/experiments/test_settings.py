@@ -49,7 +49,7 @@ def test_words_are_read_by_type(word, name, value):
 @pytest.mark.parametrize(
     ("word", "named"),
     [
-        ("alpa=2", "no setting 'alhpa', did you mean 'alpha'"),
+        ("alpa=2", "no setting 'alpa', did you mean 'alpha'"),
         ("alpha", "name=value"),
         ("alpha=abc", "alpha must be a number, got 'abc'"),
         ("alpha=1e999", "alpha must be a number, got inf"),
