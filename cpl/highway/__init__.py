@@ -8,6 +8,7 @@ from cpl.highway.config import FEATURES, PAPER, Config
 from cpl.highway.engine import Engine, Info, Step
 from cpl.highway.env import ACTIONS, HighwayEnv, register
 from cpl.highway.options import RENDER_OPTIONS, change_config, highway_env_options, make_config
+from cpl.highway.paths import PathReport, active_path, path_report
 from cpl.highway.render import Renderer
 from cpl.highway.replay import Replay, export_replay, read_replay, record_replay
 from cpl.highway.rollout import Policy, Transition, rollout, run_episodes
@@ -24,16 +25,19 @@ __all__ = [
     "HighwayEnv",
     "HighwayVectorEnv",
     "Info",
+    "PathReport",
     "Policy",
     "Renderer",
     "Replay",
     "State",
     "Step",
     "Transition",
+    "active_path",
     "change_config",
     "export_replay",
     "highway_env_options",
     "make_config",
+    "path_report",
     "read_replay",
     "record_replay",
     "register",

@@ -77,12 +77,13 @@ def act(car: Car, s: Settings, w: Scratch, fast: bool) -> tuple:
         fast: Whether to use the inlined maths.
 
     Returns:
-        How many cars have to steer (listed in `w.steering`) and how many have crashed or are
-        about to (in `w.hit`).
+        How many cars have to steer (listed in `w.steering`), how many have to but so little that
+        every angle is its own sine (in `w.gentle`), and how many have crashed or are about to
+        (in `w.hit`).
     """
     changing, tied = own_fronts(car, w, s.n, s.lanes)
     _follow(car, s, w, fast)
-    steering = hit = 0
+    steering = gentle = hit = 0
     for i in range(s.n):
         if car.crashed[i] | car.has_impact[i]:
             w.hit[hit] = i
@@ -95,13 +96,17 @@ def act(car: Car, s: Settings, w: Scratch, fast: bool) -> tuple:
                 changing = _choose_lane(car, s, w, i, changing, tied)
             if car.lane[i] != car.target_lane[i]:
                 _follow_both(car, s, w, i, tied)
-        if _steers(car, i):
+        need = _steering_need(car, i)
+        if need == 2:
             w.steering[steering] = i
             steering += 1
+        elif need == 1:
+            w.gentle[gentle] = i
+            gentle += 1
     w.acceleration[0] = _KP_SPEED * (car.target_speed[0] - car.speed[0])
     if car.crashed[0]:
         w.acceleration[0] = -1.0 * car.speed[0]
-    return steering, hit
+    return steering, gentle, hit
 
 
 @inlined
@@ -145,17 +150,22 @@ def _follow_both(car: Car, s: Settings, w: Scratch, i: int, tied: bool) -> None:
 
 
 @inlined
-def _steers(car: Car, i: int) -> bool:
-    """Whether a car's steering could differ from zero.
+def _steering_need(car: Car, i: int) -> int:
+    """How much of the steering chain a car needs: 0 none, 1 its linear part, 2 all of it.
 
     Where heading and heading command are together below half an ulp of pi, wrapping their
-    difference gives exactly zero, and so does everything that follows from it.
+    difference gives exactly zero, and so does everything that follows from it. Where both are
+    below 1e-9 (and the car is not slow), sines, tangents and their inverses return their argument
+    and cosines return 1.
     """
+    speed = abs(car.speed[i])
+    lateral = _KP_LATERAL * abs(car.y[i] - LANE_WIDTH * car.target_lane[i])
+    turned = abs(car.heading[i]) * speed
+    if speed < 20.0 or lateral > 1e-9 * speed or turned > 1e-9 * speed:
+        return 2
     if car.lane[i] != car.target_lane[i]:
-        return True
-    divisor = abs(not_zero(car.speed[i]))
-    offset = abs(car.y[i] - LANE_WIDTH * car.target_lane[i])
-    return not (_KP_LATERAL * offset + abs(car.heading[i]) * divisor <= 2e-16 * divisor)
+        return 2
+    return 0 if lateral + turned <= 2e-16 * speed else 1
 
 
 @inlined

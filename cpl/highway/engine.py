@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -10,7 +9,8 @@ import numpy as np
 
 from cpl.highway.config import Config
 from cpl.highway.draws import seed_many
-from cpl.highway.layout import allocate, feature_table, scratch, settings_of
+from cpl.highway.layout import allocate, feature_table, settings_of, workspace
+from cpl.highway.paths import PATHS, active_path
 from cpl.highway.simulate import refresh_range, reset_range, step_range
 from cpl.highway.state import State, read_state, write_state
 
@@ -63,13 +63,16 @@ class Engine:
         ((2,), (2,))
     """
 
-    def __init__(self, config: Config, n_envs: int, *, threads: int = 1) -> None:
+    def __init__(
+        self, config: Config, n_envs: int, *, threads: int = 1, path: str | None = None
+    ) -> None:
         """Allocate the batch.
 
         Args:
             config: The road.
             n_envs: Number of environments [-].
             threads: Threads that share a step [-]; results do not depend on it.
+            path: "fast" or "portable" arithmetic; None takes `active_path()`.
 
         Raises:
             ValueError: If an argument is of the wrong kind or out of range.
@@ -79,16 +82,18 @@ class Engine:
         self.config = config
         self.n_envs = _positive("n_envs", n_envs)
         self.threads = min(_positive("threads", threads), self.n_envs)
-        self._fast = os.environ.get("CPL_HIGHWAY_PATH", "fast") == "fast"
+        if path is not None and path not in PATHS:
+            raise ValueError(f"path must be one of {PATHS} or None, got {path!r}")
+        self.path = path or active_path()
         self._memory = allocate(config, self.n_envs)
-        self._settings = settings_of(config)
+        self._settings = settings_of(config)  # counts and numbers
         self._levels = np.array(config.target_speeds)
-        self._features, self._ranges = feature_table(config)
-        self._scratch = [scratch(config) for _ in range(self.threads)]
+        self._columns = feature_table(config)  # codes and ranges
+        self._spaces = [workspace(config) for _ in range(self.threads)]
         cuts = [self.n_envs * k // self.threads for k in range(self.threads + 1)]
-        self._parts = list(zip(self._scratch, cuts[:-1], cuts[1:], strict=True))
+        self._parts = list(zip(cuts[:-1], cuts[1:], self._spaces, strict=True))
         self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
-        self._shape = (self.n_envs, self._settings.rows, self._settings.columns)
+        self._shape = (self.n_envs, config.observation_vehicles_count, len(config.features))
 
     def reset(
         self, seeds: np.ndarray | list[int] | None = None, mask: np.ndarray | None = None
@@ -117,12 +122,8 @@ class Engine:
                 entropy = np.random.SeedSequence().generate_state(self.n_envs, np.uint64)
                 self._seed(entropy, fresh)
         obs = np.zeros(self._shape, np.float32)
-        common = (self._settings, self._levels, self._features, self._ranges)
-        self._run(
-            lambda w, first, stop: reset_range(
-                m, common[0], w, *common[1:], chosen, obs, first, stop
-            )
-        )
+        common = (*self._settings, self._levels, *self._columns, chosen, obs, *m)
+        self._run(lambda first, stop, w: reset_range(first, stop, w.nearest, *common))
         return obs
 
     def step(self, actions: np.ndarray | list[int]) -> Step:
@@ -146,30 +147,22 @@ class Engine:
             )
         obs = np.empty(self._shape, np.float32)
         reward = np.empty(self.n_envs)
-        terms = np.empty((self.n_envs, 4))
-        terminated = np.empty(self.n_envs, np.bool_)
-        truncated = np.empty(self.n_envs, np.bool_)
-        self._run(
-            lambda w, first, stop: step_range(
-                m,
-                self._settings,
-                w,
-                self._levels,
-                self._features,
-                self._ranges,
-                chosen,
-                obs,
-                reward,
-                terms,
-                terminated,
-                truncated,
-                self._fast,
-                first,
-                stop,
-            )
+        terms = np.empty((self.n_envs, 5))
+        ended = np.empty((2, self.n_envs), np.bool_)
+        results = (obs, reward, terms, ended)
+        common = (
+            *self._settings,
+            self._levels,
+            *self._columns,
+            chosen,
+            *results,
+            self.path == "fast",
+            *m,
         )
-        info = Info(m.cars[:, 3, 0].copy(), terms[:, 0] > 0, terms[:, 1], terms[:, 2], terms[:, 3])
-        return Step(obs, reward, terminated, truncated, info)
+        self._run(lambda first, stop, w: step_range(first, stop, *w, *common))
+        crashed, right_lane, high_speed, on_road, speed = terms.T
+        info = Info(speed, crashed > 0, right_lane, high_speed, on_road)
+        return Step(obs, reward, ended[0], ended[1], info)
 
     def state(self) -> State:
         """Copy the batch's complete state.
@@ -189,7 +182,8 @@ class Engine:
             ValueError: Naming the array that has a wrong shape, kind or value; nothing is changed.
         """
         write_state(self._memory, self.config, state)
-        self._run(lambda w, first, stop: refresh_range(self._memory, self._settings, first, stop))
+        common = (*self._settings, *self._memory)
+        self._run(lambda first, stop, _: refresh_range(first, stop, *common))
 
     def _run(self, part) -> None:  # noqa: ANN001
         if self._pool is None:

@@ -9,9 +9,10 @@ past the end.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from cpl.highway._compile import inlined
 from cpl.highway.config import FEATURES, Config
@@ -23,11 +24,14 @@ __all__ = [
     "Memory",
     "Scratch",
     "Settings",
+    "Workspace",
     "allocate",
     "car_views",
     "feature_table",
-    "scratch",
+    "scratch_from",
+    "settings_from",
     "settings_of",
+    "workspace",
 ]
 
 
@@ -79,12 +83,23 @@ def car_views(cars: np.ndarray, codes: np.ndarray, e: int) -> Car:
 
 
 class Settings(NamedTuple):
-    """A `Config` as scalars and small arrays."""
+    """A `Config` as scalars: counts and flags first, then real numbers."""
 
     n: int
     lanes: int
     initial_lane: int
     frames: int
+    rows: int
+    columns: int
+    collisions: int
+    normalize_reward: int
+    offroad_terminal: int
+    see_behind: int
+    absolute: int
+    normalize: int
+    clip: int
+    shuffled: int
+    lane_change: int
     dt: float
     policy_dt: float
     duration: float
@@ -101,20 +116,9 @@ class Settings(NamedTuple):
     high_speed_reward: float
     reward_low: float
     reward_high: float
-    normalize_reward: bool
-    offroad_terminal: bool
-    rows: int
-    columns: int
-    see_behind: bool
-    absolute: bool
-    normalize: bool
-    clip: bool
-    shuffled: bool
     noise: float
     dropout: float
-    collisions: int
     speed_limit: float
-    lane_change: bool
     acc_max: float
     comfort: float
     twice_root_ab: float
@@ -124,6 +128,17 @@ class Settings(NamedTuple):
     min_gain: float
     max_imposed: float
     delay: float
+
+
+_COUNTS = 15
+_NUMBERS = 28
+_tuple_of: Any = to_fixed_tuple
+
+
+@inlined
+def settings_from(counts: np.ndarray, numbers: np.ndarray) -> Settings:
+    """Read `Settings` back from the arrays of `settings_of`."""
+    return Settings(*(_tuple_of(counts, _COUNTS) + _tuple_of(numbers, _NUMBERS)))
 
 
 class Memory(NamedTuple):
@@ -156,10 +171,13 @@ class Scratch(NamedTuple):
     a: np.ndarray
     b: np.ndarray
     c: np.ndarray
+    gentle_y: np.ndarray
+    gentle_heading: np.ndarray
     doubt: np.ndarray
     front: np.ndarray
     rank: np.ndarray
     steering: np.ndarray
+    gentle: np.ndarray
     hit: np.ndarray
     changing: np.ndarray
     last: np.ndarray
@@ -168,28 +186,49 @@ class Scratch(NamedTuple):
     corners: np.ndarray
 
 
-def scratch(config: Config) -> Scratch:
+class Workspace(NamedTuple):
+    """The arrays behind a `Scratch`."""
+
+    reals: np.ndarray
+    codes: np.ndarray
+    last: np.ndarray
+    pairs: np.ndarray
+    nearest: np.ndarray
+    corners: np.ndarray
+
+
+def workspace(config: Config) -> Workspace:
     """Allocate one thread's working memory.
 
     Args:
         config: The road.
 
     Returns:
-        Arrays of zeros; `front` points everywhere to the sentinel.
+        Arrays of zeros; the front cars are everywhere the sentinel.
     """
     n = config.vehicles_count + 1
     stride = 8 * (n // 8 + 1)
-    reals = np.zeros((14, stride))
-    codes = np.zeros((6, stride), np.int64)
+    codes = np.zeros((7, stride), np.int64)
     codes[1] = n
-    return Scratch(
-        *reals,
-        *codes,
+    return Workspace(
+        reals=np.zeros((16, stride)),
+        codes=codes,
         last=np.zeros(config.lanes_count, np.int64),
         pairs=np.zeros(4 * stride, np.int64),
         nearest=np.zeros(config.observation_vehicles_count, np.int64),
         corners=np.zeros((2, 8)),
     )
+
+
+@inlined
+def scratch_from(s: Workspace) -> Scratch:
+    """View a workspace's rows by name."""
+    r, c = s.reals, s.codes
+    return Scratch(
+        r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9], r[10], r[11], r[12], r[13],
+        r[14], r[15], c[0], c[1], c[2], c[3], c[4], c[5], c[6],
+        s.last, s.pairs, s.nearest, s.corners,
+    )  # fmt: skip
 
 
 def allocate(config: Config, n_envs: int) -> Memory:
@@ -222,22 +261,35 @@ def allocate(config: Config, n_envs: int) -> Memory:
     )
 
 
-def settings_of(config: Config) -> Settings:
+def settings_of(config: Config) -> tuple[np.ndarray, np.ndarray]:
     """Flatten a config for the kernels, with highway-env's order of operations.
+
+    Two arrays rather than a tuple of numbers: handing a kernel 43 scalars takes longer than a step.
 
     Args:
         config: The road.
 
     Returns:
-        The scalars.
+        Counts, int64, and numbers, float64, to be read with `settings_from`.
     """
     speed_low, speed_high = config.other_speed_range
     delta_low, delta_high = config.delta_range
-    return Settings(
+    settings = Settings(
         n=config.vehicles_count + 1,
         lanes=config.lanes_count,
         initial_lane=-1 if config.initial_lane_id is None else config.initial_lane_id,
         frames=config.frames,
+        rows=config.observation_vehicles_count,
+        columns=len(config.features),
+        collisions={"all": 2, "ego": 1, "none": 0}[config.collisions],
+        normalize_reward=config.normalize_reward,
+        offroad_terminal=config.offroad_terminal,
+        see_behind=config.see_behind,
+        absolute=config.absolute,
+        normalize=config.normalize,
+        clip=config.clip,
+        shuffled=config.order == "shuffled",
+        lane_change=config.enable_lane_change,
         dt=1 / config.simulation_frequency,
         policy_dt=1 / config.policy_frequency,
         duration=config.duration,
@@ -254,20 +306,9 @@ def settings_of(config: Config) -> Settings:
         high_speed_reward=config.high_speed_reward,
         reward_low=config.reward_speed_range[0],
         reward_high=config.reward_speed_range[1],
-        normalize_reward=config.normalize_reward,
-        offroad_terminal=config.offroad_terminal,
-        rows=config.observation_vehicles_count,
-        columns=len(config.features),
-        see_behind=config.see_behind,
-        absolute=config.absolute,
-        normalize=config.normalize,
-        clip=config.clip,
-        shuffled=config.order == "shuffled",
         noise=config.observation_noise,
         dropout=config.observation_dropout,
-        collisions={"all": 2, "ego": 1, "none": 0}[config.collisions],
         speed_limit=config.speed_limit,
-        lane_change=config.enable_lane_change,
         acc_max=config.acc_max,
         comfort=config.comfort_acc_max,
         twice_root_ab=2 * math.sqrt(-config.comfort_acc_max * config.comfort_acc_min),
@@ -278,6 +319,7 @@ def settings_of(config: Config) -> Settings:
         max_imposed=config.lane_change_max_braking_imposed,
         delay=config.lane_change_delay,
     )
+    return np.array(settings[:_COUNTS], np.int64), np.array(settings[_COUNTS:])
 
 
 def feature_table(config: Config) -> tuple[np.ndarray, np.ndarray]:

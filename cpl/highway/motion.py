@@ -24,21 +24,29 @@ _MAX_HEADING = math.pi / 4
 
 
 @inlined
-def move(car: Car, s: Settings, w: Scratch, steering: int, hit: int, fast: bool) -> None:
+def move(
+    car: Car, s: Settings, w: Scratch, steering: int, gentle: int, hit: int, fast: bool
+) -> None:
     """Integrate every car over one frame, with the heading and speed before the frame.
 
     Args:
         car: The environment.
         s: The settings.
-        w: Working memory, with `acceleration` and the lists `steering` and `hit`.
+        w: Working memory, with `acceleration` and the lists `steering`, `gentle` and `hit`.
         steering: Number of cars that steer.
+        gentle: Number of cars that steer by less than a nanoradian.
         hit: Number of cars that have crashed or are pushed.
         fast: Whether to use the inlined maths.
     """
     if steering:
         _gather(car, w, steering)
         _steer(w, steering, fast)
+    _steer_gently(car, s, w, gentle)
     _drive_straight(car, s, w)
+    for k in range(gentle):
+        i = w.gentle[k]
+        car.y[i], car.heading[i] = w.gentle_y[k], w.gentle_heading[k]
+        car.sin[i] = car.heading[i]
     if steering:
         _drive_curved(car, s, w, steering, fast)
     for k in range(hit):
@@ -91,6 +99,19 @@ def _steer(w: Scratch, count: int, fast: bool) -> None:
     for k in range(size):
         w.a[k] = 0.5 * w.a[k]
     atan_all(w.a, w.c, w.doubt, count, fast)
+
+
+@inlined
+def _steer_gently(car: Car, s: Settings, w: Scratch, count: int) -> None:
+    """The chain of controllers where every function in it is the identity."""
+    for k in range(count):
+        i = w.gentle[k]
+        v = car.speed[i]
+        command = -_KP_LATERAL * (car.y[i] - LANE_WIDTH * car.target_lane[i]) / v
+        turn = command - car.heading[i] + math.pi - math.pi
+        slip = _HALF_LENGTH / v * (_KP_HEADING * turn)
+        w.gentle_y[k] = car.y[i] + v * (car.heading[i] + slip) * s.dt
+        w.gentle_heading[k] = car.heading[i] + v * slip / 2.5 * s.dt
 
 
 @inlined

@@ -1,4 +1,8 @@
-"""The batch kernels: reset and step a range of environments."""
+"""The batch kernels: reset, rebuild and step a range of environments.
+
+Kernels take plain arrays and put the named views together inside: numba takes longer to look at a
+tuple of arrays than a step takes.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,16 @@ import numpy as np
 from cpl.highway._compile import inlined, kernel
 from cpl.highway.behaviour import act, ego_action, speed_divisor
 from cpl.highway.collisions import collide
-from cpl.highway.layout import Car, Memory, Scratch, Settings, car_views
+from cpl.highway.layout import (
+    Car,
+    Memory,
+    Scratch,
+    Settings,
+    Workspace,
+    car_views,
+    scratch_from,
+    settings_from,
+)
 from cpl.highway.motion import move
 from cpl.highway.neighbours import sort_cars
 from cpl.highway.observe import observe, reward_terms
@@ -20,18 +33,21 @@ __all__ = ["refresh_range", "reset_range", "step_range"]
 
 @kernel
 def reset_range(
-    m: Memory,
-    s: Settings,
-    w: Scratch,
+    first: int,
+    stop: int,
+    nearest: np.ndarray,
+    counts: np.ndarray,
+    numbers: np.ndarray,
     levels: np.ndarray,
     features: np.ndarray,
     ranges: np.ndarray,
     chosen: np.ndarray,
     obs: np.ndarray,
-    first: int,
-    stop: int,
+    *memory: np.ndarray,
 ) -> None:
-    """Begin an episode in the chosen environments of [first, stop) and observe all of them."""
+    """Begin an episode in the chosen environments of [first, stop) and observe them."""
+    m = Memory(*memory)
+    s = settings_from(counts, numbers)
     for e in range(first, stop):
         if chosen[e]:
             car = car_views(m.cars, m.codes, e)
@@ -39,16 +55,21 @@ def reset_range(
             m.time[e] = 0.0
             m.steps[e] = 0
             m.ready[e] = True
-            observe(
-                car, s, features, ranges, m.generator[e], m.noise_generator[e], w.nearest, obs[e]
-            )
+            observe(car, s, features, ranges, m.generator[e], m.noise_generator[e], nearest, obs[e])
 
 
 @kernel
 def step_range(
-    m: Memory,
-    s: Settings,
-    w: Scratch,
+    first: int,
+    stop: int,
+    reals: np.ndarray,
+    integers: np.ndarray,
+    last: np.ndarray,
+    pairs: np.ndarray,
+    nearest: np.ndarray,
+    corners: np.ndarray,
+    counts: np.ndarray,
+    numbers: np.ndarray,
     levels: np.ndarray,
     features: np.ndarray,
     ranges: np.ndarray,
@@ -56,13 +77,14 @@ def step_range(
     obs: np.ndarray,
     reward: np.ndarray,
     terms: np.ndarray,
-    terminated: np.ndarray,
-    truncated: np.ndarray,
+    ended: np.ndarray,
     fast: bool,
-    first: int,
-    stop: int,
+    *memory: np.ndarray,
 ) -> None:
     """Advance the environments of [first, stop) by one decision."""
+    m = Memory(*memory)
+    s = settings_from(counts, numbers)
+    w = scratch_from(Workspace(reals, integers, last, pairs, nearest, corners))
     for e in range(first, stop):
         car = car_views(m.cars, m.codes, e)
         m.time[e] += s.policy_dt
@@ -70,16 +92,21 @@ def step_range(
         for _ in range(s.frames):
             frame(car, s, w, fast)
         m.steps[e] += s.frames
-        observe(car, s, features, ranges, m.generator[e], m.noise_generator[e], w.nearest, obs[e])
+        observe(car, s, features, ranges, m.generator[e], m.noise_generator[e], nearest, obs[e])
         reward[e] = reward_terms(car, s, terms[e])
         crashed = terms[e, 0] > 0.0
-        terminated[e] = crashed or (s.offroad_terminal and terms[e, 3] == 0.0)
-        truncated[e] = m.time[e] >= s.duration
+        ended[0, e] = crashed or (s.offroad_terminal and terms[e, 3] == 0.0)
+        ended[1, e] = m.time[e] >= s.duration
+        terms[e, 4] = car.speed[0]
 
 
 @kernel
-def refresh_range(m: Memory, s: Settings, first: int, stop: int) -> None:
+def refresh_range(
+    first: int, stop: int, counts: np.ndarray, numbers: np.ndarray, *memory: np.ndarray
+) -> None:
     """Rebuild what is derived from a state: directions and the order along the road."""
+    m = Memory(*memory)
+    s = settings_from(counts, numbers)
     for e in range(first, stop):
         car = car_views(m.cars, m.codes, e)
         for i in range(s.n):
@@ -93,7 +120,7 @@ def refresh_range(m: Memory, s: Settings, first: int, stop: int) -> None:
 @inlined
 def frame(car: Car, s: Settings, w: Scratch, fast: bool) -> None:
     """Advance one environment by one simulation frame."""
-    steering, hit = act(car, s, w, fast)
-    move(car, s, w, steering, hit, fast)
+    steering, gentle, hit = act(car, s, w, fast)
+    move(car, s, w, steering, gentle, hit, fast)
     sort_cars(car.order, car.x, s.n)
     collide(car, s, w)

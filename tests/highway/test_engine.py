@@ -172,9 +172,164 @@ def test_bits_equal_highway_env_where_numpy_uses_libm():
     assert done.returncode == 0, done.stderr
 
 
+CROWD = Config(vehicles_count=12, vehicles_density=2.0, lanes_count=3)
+
+
+def run(engine, steps, seed=0, first=None):
+    g = np.random.default_rng(seed)
+    engine.reset(np.arange(engine.n_envs) if first is None else first)
+    return [engine.step(g.integers(0, 5, engine.n_envs)) for _ in range(steps)]
+
+
+def assert_equal_runs(ours, theirs):
+    for one, other in zip(ours, theirs, strict=True):
+        for a, b in zip((*one[:4], *one.info), (*other[:4], *other.info), strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_a_batch_equals_its_environments_one_by_one():
+    together = run(Engine(CROWD, 6), 10, seed=1)
+    g = np.random.default_rng(1)
+    actions = np.array([g.integers(0, 5, 6) for _ in range(10)])
+    for e in range(6):
+        alone = Engine(CROWD, 1)
+        alone.reset([e])
+        for t in range(10):
+            np.testing.assert_array_equal(
+                alone.step(actions[t, e : e + 1]).obs[0], together[t].obs[e]
+            )
+
+
+def test_threads_and_paths_do_not_change_results():
+    plain = run(Engine(CROWD, 7, path="fast"), 10)
+    assert_equal_runs(run(Engine(CROWD, 7, threads=3, path="fast"), 10), plain)
+    assert_equal_runs(run(Engine(CROWD, 7, path="portable"), 10), plain)
+
+
+def test_a_state_continues_bit_for_bit_and_through_a_reset():
+    engine, twin = Engine(CROWD, 3), Engine(CROWD, 3)
+    run(engine, 6)
+    twin.set_state(engine.state())
+    for action in ([0, 1, 2], [3, 3, 4], [2, 2, 0]):
+        assert_equal_runs([engine.step(action)], [twin.step(action)])
+    np.testing.assert_array_equal(engine.reset(), twin.reset())
+
+
+def test_a_masked_reset_leaves_the_others_alone():
+    engine = Engine(CROWD, 3)
+    run(engine, 4)
+    before = engine.state()
+    obs = engine.reset(mask=np.array([False, True, False]))
+    after = engine.state()
+    assert not obs[[0, 2]].any()
+    assert obs[1].any()
+    np.testing.assert_array_equal(before.x[[0, 2]], after.x[[0, 2]])
+    assert after.steps.tolist() == [60, 0, 60]
+
+
+def test_a_crashed_episode_runs_on_to_a_standstill():
+    engine = Engine(replace(CROWD, target_speeds=(20.0, 40.0)), 8)
+    engine.reset(np.arange(8))
+    for _ in range(30):
+        out = engine.step(np.full(8, 3))
+    assert out.terminated.sum() > 3
+    assert np.abs(out.info.speed[out.terminated]).max() < 20
+    assert not np.isnan(engine.state().x).any()
+
+
+def test_noise_and_dropout_have_their_own_stream():
+    plain, noisy = Engine(CROWD, 4), Engine(replace(CROWD, observation_noise=0.1), 4)
+    blind = Engine(replace(CROWD, observation_dropout=1.0), 4)
+    runs = [run(engine, 5) for engine in (plain, noisy, blind)]
+    for engine in (noisy, blind):
+        np.testing.assert_array_equal(engine.state().x, plain.state().x)
+        np.testing.assert_array_equal(engine.state().generator, plain.state().generator)
+    np.testing.assert_array_equal(plain.state().noise_generator[:, 4:], 0)
+    last, noised, blinded = (steps[-1].obs for steps in runs)
+    np.testing.assert_array_equal(last[:, 0], noised[:, 0])
+    assert not blinded[:, 1:].any()
+    shifted = np.abs(noised[:, 1:, 1:] - last[:, 1:, 1:])
+    assert 0.01 < shifted[shifted > 0].mean() < 0.2
+
+
+def test_a_policy_of_collisions_is_kept():
+    ghosts = Engine(replace(CROWD, collisions="none"), 8)
+    for out in run(ghosts, 20):
+        assert not out.terminated.any()
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("lanes_count", 0),
+        ("lanes_count", 2.5),
+        ("vehicles_count", -1),
+        ("vehicles_density", -1.0),
+        ("vehicles_density", float("nan")),
+        ("target_speeds", ()),
+        ("target_speeds", (20.0,)),
+        ("target_speeds", (30.0, 20.0)),
+        ("simulation_frequency", 16 - 1 + 0.5),
+        ("policy_frequency", 2),
+        ("initial_lane_id", 4),
+        ("duration", 0),
+        ("features", ("speed",)),
+        ("features", ()),
+        ("order", "nearest"),
+        ("collisions", True),
+        ("see_behind", 1),
+        ("observation_dropout", 1.5),
+        ("reward_speed_range", (30, 30)),
+        ("features_range", {"x": (1, 1)}),
+        ("delta_range", (4.5, 3.5)),
+    ],
+)
+def test_an_impossible_config_is_named(field, value):
+    with pytest.raises(ValueError, match=field):
+        Config(**{field: value})
+
+
+@pytest.mark.parametrize(
+    "actions", [[0], [0, 5], [0, -1], [0.0, 1.0], [True, False], [[0, 1]], ["a", "b"]]
+)
+def test_wrong_actions_are_named(actions):
+    engine = Engine(CROWD, 2)
+    engine.reset([0, 1])
+    with pytest.raises(ValueError, match="actions"):
+        engine.step(actions)
+
+
+def test_wrong_calls_are_named():
+    engine = Engine(CROWD, 2)
+    with pytest.raises(ValueError, match="reset"):
+        engine.step([0, 0])
+    with pytest.raises(ValueError, match="seeds"):
+        engine.reset([1])
+    with pytest.raises(ValueError, match="seeds must not be negative, got -1"):
+        engine.reset([1, -1])
+    with pytest.raises(ValueError, match="mask"):
+        engine.reset(mask=[0, 1])
+    engine.reset([0, 1])
+    state = engine.state()
+    for name, value in {"lane": 9, "x": np.nan, "speed_index": -1}.items():
+        wrong = getattr(state, name).copy()
+        wrong.flat[0] = value
+        with pytest.raises(ValueError, match=f"state.{name}"):
+            engine.set_state(replace(state, **{name: wrong}))
+    for name, value in {"n_envs": 0, "threads": 0.5, "path": "quick"}.items():
+        with pytest.raises(ValueError, match=name):
+            Engine(CROWD, **{"n_envs": 1, name: value})
+
+
+def test_memory_per_environment():
+    small, large = Engine(PAPER, 1), Engine(PAPER, 1001)
+    total = [sum(a.nbytes for a in engine._memory) for engine in (small, large)]
+    assert (total[1] - total[0]) / 1000 < 64 * 1024
+
+
 if __name__ == "__main__":
     first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
-    total = 0
+    crashed = 0
     for number in range(first, first + int(sys.argv[1])):
-        total += drive(*drawn(number)[:1], number, drawn(number)[1], 0.0, resets=2)
-    sys.stdout.write(f"equal bits in {sys.argv[1]} settings, {total} crashed episodes\n")
+        crashed += drive(*drawn(number)[:1], number, drawn(number)[1], 0.0, resets=2)
+    sys.stdout.write(f"equal bits in {sys.argv[1]} settings, {crashed} crashed episodes\n")
