@@ -207,3 +207,16 @@ def test_a_dask_cluster_gives_the_same(store, tmp_path):
         there = sweep(square, SHARDS, store=store, cluster=cluster.scheduler_address, **WORDS)
     here = sweep(square, SHARDS, store=WorkStore(tmp_path / "other"), workers=1, **WORDS)
     assert values(there) == values(here)
+
+
+@pytest.mark.faults
+def test_a_killed_dask_worker_costs_only_its_shards(store, tmp_path):
+    shards = {name: (i, str(tmp_path)) for name, i in SHARDS.items()}
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
+        outcome = sweep(fragile, shards, store=store, cluster=cluster.scheduler_address, **WORDS)
+        again = sweep(fragile, shards, store=store, cluster=cluster.scheduler_address, **WORDS)
+    assert values(outcome) == [0, 1, 4, 9, 16, 25]
+    assert (tmp_path / "killed").exists()
+    assert again.executed == ()
