@@ -97,7 +97,7 @@ def decode(channel: Channel, payload: bytes) -> dict[str, Any]:
     """
     try:
         message = json.loads(payload, parse_constant=_constant)
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise MalformedError(SchemaError, f"is not JSON ({error})") from error
     if not isinstance(message, dict):
         raise MalformedError(SchemaError, f"must be a JSON object, got {type(message).__name__}")

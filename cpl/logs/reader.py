@@ -20,6 +20,7 @@ from cpl.logs.errors import (
     EmptyLogError,
     Fault,
     FrameError,
+    LogError,
     MissingChannelError,
     NotALogError,
     ProvenanceError,
@@ -30,7 +31,7 @@ from cpl.logs.errors import (
 from cpl.logs.info import METADATA, BrokenSealError, Described, RunInfo, unpacked
 from cpl.logs.run import Recovery, Run
 from cpl.logs.salvage import MAGIC, Salvage, salvage
-from cpl.logs.schema import CHANNELS, COLUMNS, PROVENANCES, Channel
+from cpl.logs.schema import CHANNELS, COLUMNS, FRAMES, PROVENANCES, Channel
 from cpl.store import canonical_json
 
 __all__ = ["as_table", "content", "finished", "read_mcap"]
@@ -62,7 +63,7 @@ def read_mcap(path: Path) -> Run:
     said = _described(found, path, faults)
     channels = _channels(found, said.topics, path)
     sieve, notes = Sieve(faults=faults), list[str]()
-    topics = _assemble(found, said, channels, sieve, notes)
+    topics = _assemble(found, said, channels, sieve, notes, path)
     lost = sum(each.size for each in found.damages)
     return finished(
         sieve, said.info, path, notes, size=len(data), lost=lost, written=said.rows, topics=topics
@@ -165,8 +166,11 @@ def _described(found: Salvage, path: Path, faults: list[Fault]) -> Described:
         where = f"metadata copy {number}"
         try:
             read.append(unpacked(copy))
+            _check_conventions(copy, path, where)
         except BrokenSealError as error:
             faults.append(Fault(error=DamagedLogError, where=where, what=str(error)))
+        except LogError:
+            raise
         except ValueError as error:
             known = copy.get("provenance") in PROVENANCES
             kind = SchemaError if known else ProvenanceError
@@ -181,6 +185,16 @@ def _described(found: Salvage, path: Path, faults: list[Fault]) -> Described:
     topics = ", ".join(sorted({each.topic for each in found.channels})) or "none"
     what = f"is MCAP, but has no {METADATA!r} metadata, so cpl did not write it; topics: {topics}"
     raise SchemaError(what, path=path)
+
+
+def _check_conventions(said: Mapping[str, str], path: Path, where: str) -> None:
+    """Refuse a sealed description whose units or frames are not those of this schema."""
+    units = canonical_json({each.topic: each.units for each in CHANNELS})
+    if said.get("units") != units:
+        raise UnitError(f"units must be {units}, got {said.get('units')}", path=path, where=where)
+    if said.get("frames") != (frames := canonical_json(FRAMES)):
+        what = f"frames must be {frames}, got {said.get('frames')}"
+        raise FrameError(what, path=path, where=where)
 
 
 def _channels(found: Salvage, topics: tuple[str, ...], path: Path) -> dict[int, Channel | str]:
@@ -230,6 +244,7 @@ def _assemble(
     channels: dict[int, Channel | str],
     sieve: Sieve,
     notes: list[str],
+    path: Path,
 ) -> tuple[str, ...]:
     """Put messages together to rows, offer these to the sieve in the order of the file.
 
@@ -258,6 +273,9 @@ def _assemble(
     notes += [f"{count} messages of {topic} were not read" for topic, count in foreign.items()]
     absent = _absent(rows, said.topics, sieve)
     topics = tuple(topic for topic in said.topics if topic not in absent)
+    if rows and any(each.required and each.topic not in topics for each in CHANNELS):
+        what = "there is no pose, without which a log is not one"
+        raise MissingChannelError(what, path=path, where=CHANNELS[0].topic)
     for number, messages in rows.items():
         if number not in broken:
             _offer(number, messages, said.info, topics, sieve)
@@ -272,7 +290,7 @@ def _absent(rows: dict[int, dict[str, Message]], topics: tuple[str, ...], sieve:
         if not _BY_TOPIC[topic].required:
             what = "the file says it has this channel, and has not one message of it"
             sieve.drop(MissingChannelError, topic, what, rows=0)
-    return {topic for topic in absent if not _BY_TOPIC[topic].required}
+    return absent
 
 
 def _offer(

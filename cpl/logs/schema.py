@@ -17,8 +17,8 @@ topic                 schema                frame columns
 /policy/prediction    cpl.Prediction              l_hat q
 /policy/feedback      cpl.Feedback                score err
 /supervisor/event     foxglove.Log                supervisor
-/run/outcome          foxglove.Log                outcome
 /truth/pose           cpl.PlanarPose        world true_x_m true_y_m true_yaw_rad
+/run/outcome          foxglove.Log                outcome
 ===================== ===================== ===== =========================================
 
 Only the pose is required. A channel that is there is there in every row, but for the two logs,
@@ -334,6 +334,16 @@ CHANNELS: tuple[Channel, ...] = (
         ),
     ),
     Channel(
+        topic="/truth/pose",
+        schema="cpl.PlanarPose",
+        frame="world",
+        fields=(
+            _flat("true_x_m", "true position", "m"),
+            _flat("true_y_m", "true position", "m"),
+            _flat("true_yaw_rad", "true heading", "rad"),
+        ),
+    ),
+    Channel(
         topic="/run/outcome",
         schema="foxglove.Log",
         sparse=True,
@@ -345,16 +355,6 @@ CHANNELS: tuple[Channel, ...] = (
                 at=("message",),
                 kind="text",
             ),
-        ),
-    ),
-    Channel(
-        topic="/truth/pose",
-        schema="cpl.PlanarPose",
-        frame="world",
-        fields=(
-            _flat("true_x_m", "true position", "m"),
-            _flat("true_y_m", "true position", "m"),
-            _flat("true_yaw_rad", "true heading", "rad"),
         ),
     ),
 )

@@ -18,7 +18,7 @@ from cpl.logs.reader import read_mcap
 from cpl.logs.run import Run
 from cpl.logs.salvage import MAGIC
 
-__all__ = ["Runs", "kind_of", "read_run", "read_runs"]
+__all__ = ["Runs", "kind_of", "read_run", "read_runs", "recordings"]
 
 SUFFIXES = (".bag", ".csv", ".db3", ".mcap", ".nc")
 
@@ -96,6 +96,24 @@ def read_run(
     return run
 
 
+def recordings(folder: Path) -> list[Path]:
+    """Return the recordings in a folder and below it; a ROS 2 bag's folder counts as one.
+
+    Args:
+        folder: The folder, or one file.
+    """
+    if folder.is_file() or (folder / "metadata.yaml").is_file():
+        return [folder]
+    found: list[Path] = []
+    for base, names, files in os.walk(folder):
+        here = Path(base)
+        bags = [name for name in names if (here / name / "metadata.yaml").is_file()]
+        found += [here / name for name in bags]
+        found += [here / name for name in files if Path(name).suffix in SUFFIXES]
+        names[:] = sorted(set(names) - set(bags))
+    return sorted(found)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Runs:
     """A folder of runs.
@@ -146,7 +164,7 @@ def read_runs(
         raise FileNotFoundError(f"folder must exist, got {str(folder)!r}")
     runs: dict[str, Run] = {}
     refused: dict[str, LogError] = {}
-    for path in _recordings(folder):
+    for path in recordings(folder):
         name = path.relative_to(folder).as_posix() if path != folder else path.name
         try:
             runs[name] = read_run(path, strict=strict, provenance=provenance, axes=axes)
@@ -161,20 +179,6 @@ def read_runs(
     summary = pd.DataFrame([_summed(name, run) for name, run in runs.items()])
     table = pd.concat(parts, ignore_index=True)
     return Runs(table=table, summary=summary, runs=runs, refused=refused)
-
-
-def _recordings(folder: Path) -> list[Path]:
-    """Return the files to read; a ROS 2 bag's folder counts as one."""
-    if folder.is_file() or (folder / "metadata.yaml").is_file():
-        return [folder]
-    found: list[Path] = []
-    for base, names, files in os.walk(folder):
-        here = Path(base)
-        bags = [name for name in names if (here / name / "metadata.yaml").is_file()]
-        found += [here / name for name in bags]
-        found += [here / name for name in files if Path(name).suffix in SUFFIXES]
-        names[:] = sorted(set(names) - set(bags))
-    return sorted(found)
 
 
 def _tagged(name: str, run: Run) -> pd.DataFrame:
