@@ -16,7 +16,7 @@ book: $(ENV)  ## execute what changed and render the book to _build/html
 	@$(BIN)/cpl build
 
 test: $(ENV)  ## run every test and gate, without network or browser
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest --cov=cpl.conformal --cov-branch --cov-report= --cov-fail-under=95
 
 check: $(ENV) .venv/.browser  ## run the long suites: oracle, faults, rehearsal, browser
 	@$(BIN)/python -m pytest -m "oracle or faults or rehearsal or browser"

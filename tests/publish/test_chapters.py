@@ -23,7 +23,7 @@ def test_chapters_come_in_the_order_of_the_contents(project, header):
 def test_an_unknown_chapter_is_refused_with_the_nearest_name(project):
     root = project()
     with pytest.raises(ParameterError, match=r"did you mean 'small'\? Chapters: small"):
-        find_chapter(root, "smal")
+        find_chapter(root, "smalll")
     with pytest.raises(ParameterError, match="there is no chapter"):
         find_chapter(root, "../book/small")
 
