@@ -70,9 +70,10 @@ class EngineRuns:
         ]
         return out, rows
 
-    def sessions(self, group, actions):
+    def sessions(self, group, actions, path=None):
         """All sessions of a group at once; rows in the oracle's order (session, row)."""
-        engine = Engine(self.config(group["options"], group["fast"]), len(group["seeds"]))
+        config = self.config(group["options"], group["fast"])
+        engine = Engine(config, len(group["seeds"]), path=path)
         table, start = [[] for _ in group["seeds"]], 0
         for number, length in enumerate(group["lengths"]):
             obs = engine.reset(np.array(group["seeds"]) if number == 0 else None)
@@ -86,9 +87,9 @@ class EngineRuns:
             start += length
         return [row for rows in table for row in rows]
 
-    def injected(self, options, actions, states):
+    def injected(self, options, actions, states, path=None):
         """Steps from injected states; rows in the oracle's order (case, step)."""
-        engine = Engine(self.config(options), len(actions))
+        engine = Engine(self.config(options), len(actions), path=path)
         engine.reset(np.zeros(len(actions), dtype=np.int64))
         self.inject(engine, states)
         steps = [self.step(engine, column)[1] for column in actions.T]

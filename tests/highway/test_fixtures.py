@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cpl.highway.paths import PATHS
+
 FIXTURES = Path(__file__).resolve().parent / "fixtures"
 STAGES = ("small", "long", "fast", "medium", "paper", "large", "options")
 INJECTED = ("injected", "crowded")
@@ -36,31 +38,29 @@ def compare(oracle, rows, arrays, first, what):
         np.testing.assert_array_equal(table[name], arrays[name][first : first + len(rows)], what)
 
 
-@pytest.fixture(params=["fast", "portable"])
-def path(request, monkeypatch):
+@pytest.fixture(params=PATHS)
+def path(request):
     """Both of the engine's arithmetics, whichever it would choose here."""
-    monkeypatch.setenv("CPL_HIGHWAY_PATH", request.param)
     return request.param
 
 
-@pytest.mark.usefixtures("path")
 @pytest.mark.parametrize("stage", STAGES)
-def test_episodes_are_highway_envs_bit_for_bit(stage, oracle, engine_runs):
+def test_episodes_are_highway_envs_bit_for_bit(stage, path, oracle, engine_runs):
     arrays, manifest = load(stage)
     first = 0
     for number, group in enumerate(manifest["groups"]):
         sessions, steps = len(group["seeds"]), sum(group["lengths"])
         rows = sessions * (steps + len(group["lengths"]))
-        played = arrays["action"][first : first + rows].reshape(sessions, -1)
-        actions = played[played != oracle.NO_ACTION].reshape(sessions, steps)
-        compare(oracle, engine_runs.sessions(group, actions), arrays, first, f"{stage} {number}")
+        taken = arrays["action"][first : first + rows].reshape(sessions, -1)
+        actions = taken[taken != oracle.NO_ACTION].reshape(sessions, steps)
+        played = engine_runs.sessions(group, actions, path)
+        compare(oracle, played, arrays, first, f"{stage} {number}")
         first += rows
     assert first == len(arrays["action"])
 
 
-@pytest.mark.usefixtures("path")
 @pytest.mark.parametrize("stage", INJECTED)
-def test_injected_states_go_on_as_in_highway_env(stage, oracle, engine_runs):
+def test_injected_states_go_on_as_in_highway_env(stage, path, oracle, engine_runs):
     arrays, manifest = load(stage)
     first = cars_before = cases_before = 0
     for number, group in enumerate(manifest["groups"]):
@@ -73,7 +73,7 @@ def test_injected_states_go_on_as_in_highway_env(stage, oracle, engine_runs):
             values = arrays[name][start : start + int(np.prod(shape))]
             states[name.removeprefix("state_")] = values.reshape(shape)
         actions = arrays["action"][first : first + cases * steps].reshape(cases, steps)
-        rows = engine_runs.injected(group["options"], actions, states)
+        rows = engine_runs.injected(group["options"], actions, states, path)
         compare(oracle, rows, arrays, first, f"{stage} {number}")
         first += cases * steps
         cars_before += cases * cars
