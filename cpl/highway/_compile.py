@@ -16,7 +16,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
-__all__ = ["bits_of", "float_of", "fma", "inlined", "kernel"]
+__all__ = ["bits_of", "float_of", "fma", "inlined", "inner", "kernel"]
 
 # Reference counting is switched off: kernels allocate nothing, and counting the references to
 # array views cost more than half of a step. The option has no public spelling in numba.
@@ -29,8 +29,13 @@ _OPTIONS: dict[str, Any] = {
 }
 
 
+# What only kernels call is compiled into them: it needs no way in from Python, whose unboxing of
+# forty arrays took longer to compile than the function itself, and no cache of its own.
+_INNER = {**_OPTIONS, "cache": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function as it stands.
+    """Compile a function that Python calls, and keep the machine code.
 
     Args:
         function: Function over scalars and arrays that allocates nothing.
@@ -41,8 +46,8 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     return _stamped(njit(**_OPTIONS)(function))
 
 
-def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a small function into each of its callers.
+def inner(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function that only kernels call.
 
     Args:
         function: Function over scalars and arrays that allocates nothing.
@@ -50,7 +55,19 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     Returns:
         The compiled function.
     """
-    return _stamped(njit(forceinline=True, **_OPTIONS)(function))
+    return njit(**_INNER)(function)
+
+
+def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function that only kernels call into each of its callers.
+
+    Args:
+        function: Function over scalars and arrays that allocates nothing.
+
+    Returns:
+        The compiled function.
+    """
+    return njit(forceinline=True, **_INNER)(function)
 
 
 def _stamped(dispatcher: Any) -> Any:  # noqa: ANN401

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from cpl.highway._compile import fma, inlined, kernel
+from cpl.highway._compile import fma, inlined, inner
 from cpl.highway.exact import padded
 from cpl.highway.layout import Car, Scratch, Settings
 
@@ -113,7 +113,7 @@ def _check(car: Car, s: Settings, w: Scratch, i: int, j: int) -> None:
     _separate(car, s, w, i, j)
 
 
-@kernel
+@inner
 def _separate(car: Car, s: Settings, w: Scratch, i: int, j: int) -> None:
     _corners(car, w.corners[0], i)
     _corners(car, w.corners[1], j)

@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from cpl.highway._compile import kernel
+from cpl.highway._compile import inner, kernel
 
 __all__ = ["bounded", "normal", "seed_many", "shuffled_place", "uniform"]
 
@@ -58,7 +58,7 @@ def bounded(g: np.ndarray, count: int) -> np.int64:
     return np.int64(m >> _B32)
 
 
-@kernel
+@inner
 def shuffled_place(g: np.ndarray, top: int) -> np.int64:
     """Draw the place in [0, top] that numpy's `shuffle` swaps place top with (by rejection)."""
     mask = _ONE
@@ -70,7 +70,7 @@ def shuffled_place(g: np.ndarray, top: int) -> np.int64:
     return np.int64(place)
 
 
-@kernel
+@inner
 def normal(g: np.ndarray) -> float:
     """Draw a standard normal number (Box-Muller; the project's own stream, not numpy's)."""
     radius = math.sqrt(-2.0 * math.log(1.0 - uniform(g, 0.0, 1.0)))
@@ -92,7 +92,7 @@ def seed_many(generators: np.ndarray, seeds: np.ndarray, chosen: np.ndarray, key
             _seed(generators[e], seeds[e], key)
 
 
-@kernel
+@inner
 def _seed(g: np.ndarray, seed: np.uint64, key: int) -> None:
     const = _INIT_A
     a, const = _hashmix(seed & _LOW32, const)
@@ -142,7 +142,7 @@ def _seed(g: np.ndarray, seed: np.uint64, key: int) -> None:
     g[5] = _ZERO
 
 
-@kernel
+@inner
 def _hashmix(value: np.uint64, const: np.uint64) -> tuple:
     value = (value ^ const) & _LOW32
     const = (const * _MULT_A) & _LOW32
@@ -150,13 +150,13 @@ def _hashmix(value: np.uint64, const: np.uint64) -> tuple:
     return value ^ (value >> _B16), const
 
 
-@kernel
+@inner
 def _mix(x: np.uint64, y: np.uint64) -> np.uint64:
     value = (_MIX_L * x - _MIX_R * y) & _LOW32
     return value ^ (value >> _B16)
 
 
-@kernel
+@inner
 def _generate(value: np.uint64, const: np.uint64) -> tuple:
     value = value ^ const
     const = (const * _MULT_B) & _LOW32
@@ -164,7 +164,7 @@ def _generate(value: np.uint64, const: np.uint64) -> tuple:
     return value ^ (value >> _B16), const
 
 
-@kernel
+@inner
 def _next32(g: np.ndarray) -> np.uint64:
     if g[4]:
         g[4] = _ZERO
@@ -175,7 +175,7 @@ def _next32(g: np.ndarray) -> np.uint64:
     return value & _LOW32
 
 
-@kernel
+@inner
 def _next64(g: np.ndarray) -> np.uint64:
     _advance(g)
     turn = g[0] >> _B58
@@ -183,7 +183,7 @@ def _next64(g: np.ndarray) -> np.uint64:
     return (value >> turn) | (value << ((_B64 - turn) & _B63))
 
 
-@kernel
+@inner
 def _advance(g: np.ndarray) -> None:
     high, low = g[0], g[1]
     # 128-bit product of state and multiplier out of 32-bit limbs

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpl.highway._compile import inlined, kernel
+from cpl.highway._compile import inlined, inner
 from cpl.highway.geometry import LANE_WIDTH, ROAD_LENGTH, on_lane
 from cpl.highway.layout import Car, Scratch
 
@@ -97,7 +97,7 @@ def find_rear(car: Car, w: Scratch, i: int, lane: int, n: int, tied: bool) -> in
     return n
 
 
-@kernel
+@inner
 def _scan_front(xs: np.ndarray, ys: np.ndarray, i: int, lane: int, n: int) -> int:
     best, nearest = n, np.inf
     for j in range(n):
@@ -107,7 +107,7 @@ def _scan_front(xs: np.ndarray, ys: np.ndarray, i: int, lane: int, n: int) -> in
     return best
 
 
-@kernel
+@inner
 def _scan_rear(xs: np.ndarray, ys: np.ndarray, i: int, lane: int, n: int) -> int:
     best, nearest = n, -np.inf
     for j in range(n):

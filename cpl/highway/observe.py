@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cpl.highway._compile import fma, inlined, kernel
+from cpl.highway._compile import fma, inlined, inner
 from cpl.highway.draws import normal, shuffled_place, uniform
 from cpl.highway.geometry import CAR_LENGTH, LANE_WIDTH, on_lane, wrap_to_pi
 from cpl.highway.layout import Car, Settings
@@ -17,7 +17,7 @@ _SIGHT = 200.0
 """How far the ego car sees [m]."""
 
 
-@kernel
+@inner
 def observe(
     car: Car,
     s: Settings,

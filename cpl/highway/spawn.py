@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cpl.highway._compile import inlined, kernel
+from cpl.highway._compile import inlined, inner
 from cpl.highway.behaviour import speed_divisor, speed_level
 from cpl.highway.draws import bounded, uniform
 from cpl.highway.layout import Car, Settings
@@ -14,7 +14,7 @@ from cpl.highway.layout import Car, Settings
 __all__ = ["spawn"]
 
 
-@kernel
+@inner
 def spawn(car: Car, s: Settings, levels: np.ndarray, generator: np.ndarray) -> np.int64:
     """Place the cars in highway-env's order of draws.
 
