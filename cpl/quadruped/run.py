@@ -138,7 +138,7 @@ def run(
         outcome = _outcome(now, index, path, reason, config)
         command = (0.0, 0.0, 0.0) if outcome else command
         history.sent(command)
-        yield _observed(now) | {
+        row = _observed(now) | {
             "cmd_v_x_mps": command[0],
             "cmd_v_y_mps": command[1],
             "cmd_yaw_rate_radps": command[2],
@@ -151,6 +151,7 @@ def run(
             "supervisor": reason.value if reason else "",
             "outcome": outcome,
         }
+        yield {name: row[name] for name in COLUMNS}
         if outcome:
             return
         now = world.step(command)

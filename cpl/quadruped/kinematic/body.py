@@ -48,9 +48,9 @@ class Body:
     turn_m: float = 0.25
     bounce_m: float = 0.008
     sway_m: float = 0.010
-    roll_rad: float = 0.050
-    pitch_rad: float = 0.070
-    jolt_rad: float = 0.016
+    roll_rad: float = 0.065
+    pitch_rad: float = 0.090
+    jolt_rad: float = 0.020
     slip: float = 0.05
     camera_height_m: float = 0.35
     camera_forward_m: float = 0.28

@@ -55,6 +55,7 @@ class OdometryConfig:
         round_trip_px: Largest forward-backward error [px].
         inlier_px: Largest reprojection error of an inlier [px].
         inlier_share: Least share of inliers for a pose to be believed [-].
+        registered: How far a feature is put back to where the map says it is, 0 to 1 [-].
         jump_m: Largest difference between vision's position and the IMU's prediction [m].
         jump_rad: Largest difference between vision's attitude and the IMU's prediction [rad].
         speed_px: Median motion of the features a frame from which a loss is one of speed [px].
@@ -71,6 +72,7 @@ class OdometryConfig:
     round_trip_px: float = 1.0
     inlier_px: float = 2.0
     inlier_share: float = 0.5
+    registered: float = 0.5
     jump_m: float = 0.15
     jump_rad: float = 0.10
     speed_px: float = 6.0
@@ -204,9 +206,11 @@ class Odometry:
             self.position = position
         self.rotation = rotation
         self.tracked = len(inliers)
-        self._view = _View(
-            image, pixels[inliers], points[inliers], self.position.copy(), rotation.copy()
-        )
+        # Where the rigid map says a feature is, not where KLT slid to: errors do not pile up.
+        points = points[inliers]
+        mapped = project(self._intrinsics, to_camera(self.position, rotation, points))
+        pixels = pixels[inliers] + config.registered * (mapped - pixels[inliers])
+        self._view = _View(image, pixels, points, self.position.copy(), rotation.copy())
         return SlamError.NONE
 
     def _follow(

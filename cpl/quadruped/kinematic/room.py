@@ -80,11 +80,11 @@ def textures(room: Room, rng: np.random.Generator) -> NDArray[np.uint8]:
 def _face(rng: np.random.Generator, richness: float) -> NDArray[np.uint8]:
     """Return one texture: mean grey, smooth noise at four scales, rectangles."""
     grey = np.full((SIZE, SIZE), 120.0)
-    for cells, amplitude in ((8, 22.0), (32, 16.0), (96, 14.0), (220, 10.0)):
+    for cells, amplitude in ((8, 8.0), (32, 8.0), (96, 16.0), (220, 18.0)):
         grey += richness * amplitude * _smooth_noise(rng, cells)
-    for _ in range(round(220 * richness)):
+    for _ in range(round(300 * richness)):
         x, y = rng.integers(0, SIZE, size=2)
-        w, h = rng.integers(3, 40, size=2)
+        w, h = rng.integers(2, 16, size=2)
         grey[y : y + h, x : x + w] += rng.normal(0.0, 38.0 * richness)
     return np.clip(grey, 5, 250).astype(np.uint8)
 
