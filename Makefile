@@ -4,7 +4,7 @@
 
 SYSTEM_PYTHON ?= python3.11
 BIN := .venv/bin
-PIP := $(BIN)/python -m pip --disable-pip-version-check -q install -c constraints.txt
+PIP := $(BIN)/python -m pip --disable-pip-version-check -qq install -c constraints.txt
 ENV := .venv/.installed
 
 help:  ## list these commands
@@ -40,6 +40,7 @@ clean:  ## remove everything that was built, but not .venv
 # Extras are installed when first asked for, and again when the pinned versions change.
 $(ENV): pyproject.toml constraints.txt
 	@test -x $(BIN)/python || $(SYSTEM_PYTHON) -m venv .venv
+	@echo "installing the pinned versions into .venv (minutes, once)"
 	@$(PIP) -e ".[book,test]"
 	@touch $@
 
