@@ -13,12 +13,12 @@ Example:
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Number
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Table", "table"]
+__all__ = ["Table", "bench_table", "table"]
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,41 @@ def table(
     return Table("\n".join(lines))
 
 
+def bench_table(rows: Iterable[Mapping[str, Any]]) -> Table:
+    """Lay out measured rows.
+
+    Args:
+        rows: one mapping a row with `bench`, `subject`, `value`, `unit`, `peer` and `ratio`; a
+            subject that was compared with two peers has two rows. What stands before a colon in
+            `bench` is the topic and is left out.
+
+    Returns:
+        A line a bench and subject with its value, and how many times better than each peer it is.
+
+    Raises:
+        ValueError: if there is no row.
+
+    Example:
+        >>> row = {"bench": "toy: add", "subject": "ours", "value": 1234.5, "unit": "steps/s"}
+        >>> print(bench_table([{**row, "peer": "theirs", "ratio": 12.34}]))
+        | what | who | measured | times theirs |
+        |:---|:---|:---|:---|
+        | add | ours | 1,230 steps/s | 12.3 |
+    """
+    listed = list(rows)
+    peers = list(dict.fromkeys(row["peer"] for row in listed if row["peer"]))
+    lines: dict[tuple[str, str], dict[str, object]] = {}
+    for row in listed:
+        what = str(row["bench"]).partition(":")[2].strip() or str(row["bench"])
+        line = lines.setdefault((what, row["subject"]), {"what": what, "who": row["subject"]})
+        line["measured"] = f"{_rounded(row['value'])} {row['unit']}"
+        for peer in peers:
+            line.setdefault(f"times {peer}", "")
+        if row["peer"]:
+            line[f"times {row['peer']}"] = _rounded(row["ratio"])
+    return table(lines.values())
+
+
 def _alignment(values: Sequence[object]) -> str:
     """Texts to the left, numbers to the right."""
     return "---:|" if all(isinstance(value, Number) for value in values) else ":---|"
@@ -91,3 +126,8 @@ def _line(cells: Iterable[str]) -> str:
 
 def _cell(text: str) -> str:
     return " ".join(text.split()).replace("|", r"\|")
+
+
+def _rounded(value: float) -> str:
+    """Three digits, and no exponent."""
+    return f"{float(f'{value:.3g}'):,.10g}"

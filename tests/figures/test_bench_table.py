@@ -2,7 +2,7 @@
 
 import pytest
 
-from cpl.figures.bench import bench_table
+from cpl.figures.table import bench_table
 
 ROW = {"bench": "road: 50 cars", "subject": "ours", "value": 19900.2, "unit": "steps/s"}
 
