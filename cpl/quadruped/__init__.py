@@ -42,6 +42,7 @@ from cpl.quadruped.paths import (
     triangle,
     zigzag,
 )
+from cpl.quadruped.permutation import SignFlip, sign_flip
 from cpl.quadruped.policy import Decision, Policy, PolicyConfig
 from cpl.quadruped.predictor import Predictor, load_predictor, save_predictor, unweighted
 from cpl.quadruped.run import COLUMNS, OUTCOMES, RunConfig, run
@@ -76,6 +77,7 @@ __all__ = [
     "Predictor",
     "Reason",
     "RunConfig",
+    "SignFlip",
     "SupervisorConfig",
     "SupervisorState",
     "TrainingConfig",
@@ -103,6 +105,7 @@ __all__ = [
     "saturate",
     "save_predictor",
     "shape",
+    "sign_flip",
     "summary",
     "supervise",
     "train",
