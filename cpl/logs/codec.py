@@ -129,7 +129,7 @@ def _sound(each: Field, value: Any) -> Any:  # noqa: ANN401 - a number or a word
     return _judged(each, value)
 
 
-_TIME = Field(column="t_s", meaning="time since the run began", unit="s", at=("t_s",), low=0)
+_TIME = Field(column="t_s", meaning="time since the run began", unit="s", at=("t_s",))
 _FIELDS = {"t_s": _TIME} | {each.column: each for channel in CHANNELS for each in channel.fields}
 
 

@@ -101,7 +101,7 @@ def salvage(data: bytes) -> Salvage:
             code, body, end = _record(data, at)
             done = _take(found, data, at, code, body)
         except _BrokenError as error:
-            end, done = _next_chunk(data, at + 1), False
+            end, done = _resumed(data, at), False
             found.damages.append(Damage(at=at, size=end - at, what=str(error)))
         at = end
         if done:
@@ -220,6 +220,27 @@ def _inflated(chunk: Chunk) -> bytes:
         return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
     except zstandard.ZstdError as error:
         raise _BrokenError("a chunk cannot be decompressed") from error
+
+
+def _resumed(data: bytes, at: int) -> int:
+    """Return where to go on after a broken record.
+
+    That is the next confirmed chunk, unless the record's own length leads to something else that
+    is well-formed before it, such as the metadata behind the last chunk.
+    """
+    chunk = _next_chunk(data, at + 1)
+    try:
+        _, _, end = _record(data, at)
+        code, body, _ = _record(data, end)
+        if end < chunk and code in _SKIPPED_TO:
+            _read(_SKIPPED_TO[code], body)
+            return end
+    except _BrokenError:
+        pass  # the length was not to be trusted
+    return chunk
+
+
+_SKIPPED_TO: dict[int, Any] = {Opcode.METADATA: Metadata, Opcode.DATA_END: DataEnd}
 
 
 def _next_chunk(data: bytes, at: int) -> int:
