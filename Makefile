@@ -18,7 +18,7 @@ book: $(ENV)  ## execute what changed and render the book to _build/html
 test: $(ENV)  ## run every test and gate, without network or browser
 	@$(BIN)/python -m pytest --cov=cpl.conformal --cov-branch --cov-report= --cov-fail-under=95
 
-check: $(ENV) .venv/.browser  ## run the long suites: oracle, faults, rehearsal, browser
+check: book .venv/.browser  ## run the long suites: oracle, faults, rehearsal, browser
 	@$(BIN)/python -m pytest -m "oracle or faults or rehearsal or browser"
 
 bench: $(ENV) .venv/.bench  ## measure speed beside other packages, into _build/bench.json

@@ -7,6 +7,7 @@ the page itself.
 from __future__ import annotations
 
 import base64
+import json
 import mimetypes
 import re
 import tempfile
@@ -51,13 +52,25 @@ def standalone(chapter: Chapter, executed: str, record: Mapping[str, Any], root:
             target.write_bytes(path.read_bytes())
         notebook = stage / place.with_suffix(".ipynb")
         notebook.parent.mkdir(parents=True, exist_ok=True)
-        notebook.write_text(staged_notebook(chapter, executed, record), encoding="utf-8")
+        text = _with_references(staged_notebook(chapter, executed, record), chapter)
+        notebook.write_text(text, encoding="utf-8")
         toc = {"format": "jb-book", "root": place.as_posix()}
         (stage / "_toc.yml").write_text(yaml.safe_dump(toc))
         (stage / "_config.yml").write_text(yaml.safe_dump(_plain_theme(root, chapter)))
         site = render(stage, Path(folder) / "out", strict=False)
         page = site / place.with_suffix(".html")
         return _inlined(page.read_text(encoding="utf-8"), page.parent)
+
+
+def _with_references(notebook: str, chapter: Chapter) -> str:
+    """Put the works that the chapter cites before its footer; the book has a page for them."""
+    if "{cite" not in chapter.text:
+        return notebook
+    content = json.loads(notebook)
+    source = "## References\n\n```{bibliography}\n:filter: docname in docnames\n```\n"
+    cell = {"cell_type": "markdown", "id": "references", "metadata": {}, "source": source}
+    content["cells"].insert(-1, cell)
+    return json.dumps(content)
 
 
 def _plain_theme(root: Path, chapter: Chapter) -> dict[str, Any]:
@@ -79,6 +92,7 @@ def _plain_theme(root: Path, chapter: Chapter) -> dict[str, Any]:
 
 def _inlined(html: str, folder: Path) -> str:
     """Put everything that the page loads into the page, and drop its links to other pages."""
+    html = html.replace("<html", '<html data-theme="light"', 1)  # book.css knows two themes
     html = re.sub(r"<script\b[^>]*>.*?</script>", "", html, flags=re.DOTALL)
     html = re.sub(r'<div class="related".*?</div>', "", html, flags=re.DOTALL)
     html = re.sub(r'<link (?:[^>]*)rel="(?!stylesheet)[^"]*"[^>]*>', "", html)
