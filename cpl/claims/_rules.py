@@ -19,6 +19,7 @@ from cpl.stats import mean_interval, proportion, split_conformal_law, split_conf
 __all__ = ["RULES", "Reader", "Source"]
 
 _SE = 4.0  # [standard errors] how far chance may go
+_NEAR = 1.0  # [m/s] a speed level counts as reached; cars approach it exponentially
 _TAIL = 2 * sp.norm.sf(_SE)  # the same as a two-sided probability
 
 
@@ -215,6 +216,29 @@ def _corollary(read: Reader) -> Finding:
     return _counted(_decided(fine, safe, 1_000), broken, safe, seeds=0)
 
 
+def _road(read: Reader) -> Finding:
+    throttle = read("speed_cap")
+    as_stated = bool(
+        (throttle["lanes_count"] == 4).all() and (throttle["vehicles_count"] == 50).all()
+    )
+    tops = np.unique(throttle["top_mps"])
+    reached = [throttle.where(throttle["top_mps"] == top)["speed_mps"].max() for top in tops]
+    possible = [speed >= top - _NEAR for speed, top in zip(reached, tops, strict=True)]
+    some = Verdict.IN_PART if any(possible) else Verdict.FAILS
+    return Finding(
+        verdict=Verdict.HOLDS
+        if all(possible) and as_stated
+        else some
+        if as_stated
+        else Verdict.FAILS,
+        value=float(reached[-1]),
+        low=None,
+        high=None,
+        n=len(throttle),
+        n_seeds=0,
+    )
+
+
 def _proximity(read: Reader) -> Finding:
     grid = read("proximity")
     l_tilde = grid["l_tilde"][np.argsort(grid["l_m"])]
@@ -240,6 +264,7 @@ RULES: dict[int, Callable[[Reader], Finding]] = {
     7: _adaptive,
     8: _two_sided,
     9: _corollary,
+    15: _road,
     16: _proximity,
 }
 """The rules by row; a row without one is pending, or needs hardware."""

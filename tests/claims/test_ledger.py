@@ -18,7 +18,7 @@ FIELDS = [
 CORRECTED = "false as printed, true as corrected"
 VERDICTS = {
     1: "holds", 2: "holds", 3: "holds", 4: CORRECTED, 5: CORRECTED, 6: CORRECTED,
-    7: "holds in part", 8: "holds", 9: "holds", 16: "holds",
+    7: "holds in part", 8: "holds", 9: "holds", 15: "holds in part", 16: "holds",
 }  # fmt: skip
 
 
@@ -119,6 +119,9 @@ MUTATIONS = [
     (9, "eventually_safe", lambda t: t.assign(ratio=1.0)),
     (9, "eventually_safe", lambda t: t.assign(unsafe_broken=0)),
     (9, "certificates", lambda t: t.assign(verdict="unknown")),
+    (15, "speed_cap", lambda t: t.assign(speed_mps=t.top_mps)),
+    (15, "speed_cap", lambda t: t.assign(speed_mps=-t.speed_mps)),
+    (15, "speed_cap", lambda t: t.assign(lanes_count=3)),
     (16, "proximity", lambda t: t.assign(l_tilde=-t.l_tilde)),
     (16, "proximity", lambda t: t.assign(l_tilde=1 - t.l_tilde)),
     (16, "proximity", lambda t: t.assign(l_tilde=t.l_tilde * (t.index != 700))),
