@@ -348,7 +348,7 @@ def test_times_since_1970_keep_their_nanoseconds(tmp_path):
         ({"said": "# axes: ros\n"}, ProvenanceError, "give provenance"),
         ({"said": SAID.replace("real-Go1", "real")}, ProvenanceError, "'real'"),
         ({"said": "# provenance: real-Go1\n"}, FrameError, "which way its axes point"),
-        ({"said": SAID.replace("ros", "ned")}, FrameError, "got 'ned'"),
+        ({"said": SAID.replace("ros", "down")}, FrameError, "got 'down'"),
         ({"said": SAID + "# axes: t265\n"}, DuplicateChannelError, "stated twice"),
         ({"said": SAID.replace("ros", "t265")}, FrameError, "no meaning in the T265's axes"),
         ({"said": SAID + "# seed: x\n"}, SchemaError, "a.csv"),
@@ -458,7 +458,7 @@ UNIT = np.tile([1.0, 0, 0, 0], (30, 1))
     ("changes", "options", "error", "says"),
     [
         ({}, {"axes": None}, FrameError, "which way its axes point"),
-        ({}, {"axes": "ned"}, FrameError, "'ned'"),
+        ({}, {"axes": "down"}, FrameError, "'down'"),
         ({}, {"provenance": None}, ProvenanceError, "give provenance"),
         ({"quaternion_axis": None}, {}, FrameError, "whether w comes first"),
         (
