@@ -122,7 +122,7 @@ def _follow(car: Car, s: Settings, w: Scratch, fast: bool) -> None:
     pow_all(w.ratio, car.delta, w.a, w.doubt, s.n, fast)
     for i in range(size):
         v = car.speed[i]
-        j = w.front[i]
+        j = np.uint64(w.front[i])
         closing = fma(
             w.sideways[i] - w.sideways[j], car.sin[i], (w.forward[i] - w.forward[j]) * car.cos[i]
         )

@@ -46,7 +46,7 @@ def _close_pairs(car: Car, s: Settings, w: Scratch) -> int:
     x = car.x[a]
     for k in range(1, s.n):
         b = car.order[k]
-        ahead = car.x[b]
+        ahead = car.x[np.uint64(b)]
         if ahead - x <= reach:
             m = k
             while True:

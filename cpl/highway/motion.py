@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from cpl.highway._compile import inlined
 from cpl.highway.exact import asin_all, atan_all, cos_all, padded, sin_all, tan_all
 from cpl.highway.geometry import LANE_WIDTH, MAX_SPEED, closest_lane, wrap_to_pi
@@ -44,7 +46,7 @@ def move(
     _steer_gently(car, s, w, gentle)
     _drive_straight(car, s, w)
     for k in range(gentle):
-        i = w.gentle[k]
+        i = np.uint64(w.gentle[k])
         car.y[i], car.heading[i] = w.gentle_y[k], w.gentle_heading[k]
         car.sin[i] = car.heading[i]
     if steering:
@@ -56,7 +58,7 @@ def move(
 @inlined
 def _gather(car: Car, w: Scratch, count: int) -> None:
     for k in range(count):
-        i = w.steering[k]
+        i = np.uint64(w.steering[k])
         v = car.speed[i]
         w.x[k], w.y[k], w.heading[k], w.speed[k] = car.x[i], car.y[i], car.heading[i], v
         w.a[k] = car.y[i] - LANE_WIDTH * car.target_lane[i]
@@ -105,7 +107,7 @@ def _steer(w: Scratch, count: int, fast: bool) -> None:
 def _steer_gently(car: Car, s: Settings, w: Scratch, count: int) -> None:
     """The chain of controllers where every function in it is the identity."""
     for k in range(count):
-        i = w.gentle[k]
+        i = np.uint64(w.gentle[k])
         v = car.speed[i]
         command = -_KP_LATERAL * (car.y[i] - LANE_WIDTH * car.target_lane[i]) / v
         turn = command - car.heading[i] + math.pi - math.pi
@@ -147,7 +149,7 @@ def _drive_curved(car: Car, s: Settings, w: Scratch, count: int, fast: bool) -> 
     cos_all(w.heading, w.a, w.doubt, count, fast)
     sin_all(w.heading, w.b, w.doubt, count, fast)
     for k in range(count):
-        i = w.steering[k]
+        i = np.uint64(w.steering[k])
         car.x[i], car.y[i], car.heading[i] = w.x[k], w.y[k], w.heading[k]
         car.cos[i], car.sin[i] = w.a[k], w.b[k]
         # Well inside its lane a car is on it; only near an edge does the exact sum decide.

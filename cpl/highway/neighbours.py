@@ -22,7 +22,9 @@ def sort_cars(order: np.ndarray, x: np.ndarray, n: int) -> None:
     """Sort car numbers by position; nearly sorted already, so by insertion."""
     for k in range(1, n):
         car = order[k]
-        position = x[car]
+        position = x[np.uint64(car)]
+        if x[np.uint64(order[np.uint64(k - 1)])] <= position:
+            continue
         m = k
         while m > 0 and x[order[m - 1]] > position:
             order[m] = order[m - 1]
@@ -51,10 +53,10 @@ def own_fronts(car: Car, w: Scratch, n: int, lanes: int) -> tuple:
     for lane in range(lanes):
         w.last[lane] = n
     for k in range(n - 1, -1, -1):
-        i = car.order[k]
+        i = np.uint64(car.order[k])  # unsigned: an index that cannot count from the end
         x, y, lane = car.x[i], car.y[i], car.lane[i]
         w.rank[i] = k
-        w.front[i] = w.last[lane]
+        w.front[i] = w.last[np.uint64(lane)]
         tied |= x == ahead
         ahead = x
         if lane != car.target_lane[i]:
@@ -62,7 +64,7 @@ def own_fronts(car: Car, w: Scratch, n: int, lanes: int) -> tuple:
             changing += 1
         # Within 1 m of its lane's centre a car is more than 3 m from any other lane's.
         if abs(y - LANE_WIDTH * lane) < 0.999 and 0.0 <= x <= ROAD_LENGTH:
-            w.last[lane] = i
+            w.last[np.uint64(lane)] = i
         else:
             for other in range(lanes):
                 if on_lane(x, y, other, 1.0):
@@ -79,9 +81,9 @@ def find_front(car: Car, w: Scratch, i: int, lane: int, n: int, tied: bool) -> i
     if tied:
         return _scan_front(car.x, car.y, i, lane, n)
     for k in range(w.rank[i] + 1, n):
-        j = car.order[k]
+        j = np.uint64(car.order[k])
         if on_lane(car.x[j], car.y[j], lane, 1.0):
-            return j
+            return np.int64(j)  # pyright: ignore[reportReturnType]
     return n
 
 
@@ -91,9 +93,9 @@ def find_rear(car: Car, w: Scratch, i: int, lane: int, n: int, tied: bool) -> in
     if tied:
         return _scan_rear(car.x, car.y, i, lane, n)
     for k in range(w.rank[i] - 1, -1, -1):
-        j = car.order[k]
+        j = np.uint64(car.order[k])
         if on_lane(car.x[j], car.y[j], lane, 1.0):
-            return j
+            return np.int64(j)  # pyright: ignore[reportReturnType]
     return n
 
 
