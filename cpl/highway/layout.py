@@ -213,11 +213,17 @@ def workspace(config: Config) -> Workspace:
     return Workspace(
         reals=np.zeros((16, stride)),
         codes=codes,
-        last=np.zeros(config.lanes_count, np.int64),
-        pairs=np.zeros(4 * stride, np.int64),
-        nearest=np.zeros(config.observation_vehicles_count, np.int64),
-        corners=np.zeros((2, 8)),
+        last=_alone(config.lanes_count),
+        pairs=_alone(4 * stride),
+        nearest=_alone(config.observation_vehicles_count),
+        corners=_alone(16).view(np.float64).reshape(2, 8),
     )
+
+
+def _alone(size: int) -> np.ndarray:
+    """Integers that share no cache line with another thread's."""
+    line = 16
+    return np.zeros(size + 2 * line, np.int64)[line : line + size]
 
 
 @inlined
