@@ -1,9 +1,12 @@
 """What the quadruped's experiments share: the lab, the training paths, the policies by name.
 
-The lab was calibrated once, on validation paths drawn with `numpy.random.default_rng(0..3)` and a
-constant gain, before any policy was compared: light and richness were lowered and the gait's shake
-raised until a gain of 0.8 gave no SLAM errors, 1.5 some (a tenth of the steps) and 4 many (half).
-Nothing else was tuned.
+The lab was calibrated before any policy was run, in about 20 settings, one after the other, each
+judged on the validation zig-zags of `numpy.random.default_rng(0..3)` at constant gains. What was
+changed: the room (light, richness, a finer texture), the gait (shake and bounce), the odometry
+(detector, smoothing, what counts as registered; partly so that it drifts less where it is not lost,
+which had been up to 20 % of the path) and the yaw limit (2 to 3 rad/s). Where it ended: light 0.2,
+richness 0.35, 30 ms of exposure, with SLAM errors in 0.000, 0.101 and 0.511 of the steps at gains
+of 0.8, 1.5 and 4, four paths each. So the rates at constant gain are chosen, and no finding.
 """
 
 from __future__ import annotations
