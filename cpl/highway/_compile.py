@@ -16,7 +16,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
-__all__ = ["bits_of", "float_of", "fma", "inlined", "inner", "kernel"]
+__all__ = ["bits_of", "float_of", "fma", "inlined", "inner", "kernel", "merged"]
 
 # Reference counting is switched off: kernels allocate nothing, and counting the references to
 # array views cost more than half of a step. The option has no public spelling in numba.
@@ -68,6 +68,21 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
         The compiled function.
     """
     return njit(forceinline=True, **_INNER)(function)
+
+
+def merged(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Paste a function that only kernels call into its caller before anything is compiled.
+
+    For the few functions that hold a frame together: compiled one by one, each would optimise
+    everything below it again.
+
+    Args:
+        function: Function over scalars and arrays that allocates nothing.
+
+    Returns:
+        The compiled function.
+    """
+    return njit(inline="always", **_INNER)(function)
 
 
 def _stamped(dispatcher: Any) -> Any:  # noqa: ANN401

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from cpl.highway._compile import fma, inlined
+from cpl.highway._compile import fma, inlined, merged
 from cpl.highway.exact import padded, pow_all
 from cpl.highway.geometry import LANE_WIDTH, not_zero, reachable
 from cpl.highway.layout import Car, Scratch, Settings
@@ -66,7 +66,7 @@ def speed_divisor(s: Settings, target_speed: float) -> float:
     return abs(not_zero(min(max(target_speed, 0.0), s.speed_limit)))
 
 
-@inlined
+@merged
 def act(car: Car, s: Settings, w: Scratch, fast: bool) -> tuple:
     """Let every car choose its lane and acceleration for one frame.
 

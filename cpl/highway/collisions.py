@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from cpl.highway._compile import fma, inlined, inner
+from cpl.highway._compile import fma, inlined, inner, merged
 from cpl.highway.exact import padded
 from cpl.highway.layout import Car, Scratch, Settings
 
@@ -21,7 +21,7 @@ _HALF_WIDTH = 1.0
 _ORDINARY_SPEED = 42.0  # [m/s]; the reach of a pair is bounded by it unless someone is faster
 
 
-@inlined
+@merged
 def collide(car: Car, s: Settings, w: Scratch) -> None:
     """Find this frame's collisions; cars must be sorted along the road."""
     if s.collisions == 0:

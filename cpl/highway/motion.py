@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from cpl.highway._compile import inlined
+from cpl.highway._compile import inlined, merged
 from cpl.highway.exact import asin_all, atan_all, cos_all, padded, sin_all, tan_all
 from cpl.highway.geometry import LANE_WIDTH, MAX_SPEED, closest_lane, wrap_to_pi
 from cpl.highway.layout import Car, Scratch, Settings
@@ -25,7 +25,7 @@ _MAX_STEERING = math.pi / 3
 _MAX_HEADING = math.pi / 4
 
 
-@inlined
+@merged
 def move(
     car: Car, s: Settings, w: Scratch, steering: int, gentle: int, hit: int, fast: bool
 ) -> None:

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from cpl.highway._compile import inlined, kernel
+from cpl.highway._compile import kernel, merged
 from cpl.highway.behaviour import act, ego_action, speed_divisor
 from cpl.highway.collisions import collide
 from cpl.highway.layout import (
@@ -117,7 +117,7 @@ def refresh_range(
         sort_cars(car.order, car.x, s.n)
 
 
-@inlined
+@merged
 def frame(car: Car, s: Settings, w: Scratch, fast: bool) -> None:
     """Advance one environment by one simulation frame."""
     steering, gentle, hit = act(car, s, w, fast)
