@@ -4,7 +4,7 @@ A tracker follows the (1 - alpha)-quantile of a sequence of scores with
 
 $$q_{t+1} = q_t + \eta_t (\mathrm{err}_t - \alpha), \qquad \mathrm{err}_t = 1\{s_t > q_t\}.$$
 
-Paper: eq. (2), with its sign and argument corrected. A rule says what $\eta_t$ is.
+Paper: eq. (4), with its sign and argument corrected. A rule says what $\eta_t$ is.
 
 The step belongs to the *event*: $\eta_t$ is what the miss or hit of time t is multiplied with,
 and it may depend on the scores $s_0 \dots s_t$, for these are what is known when that event is

@@ -49,7 +49,7 @@ def track(
 
     $$q_{t+1} = q_t + \eta_t (\mathrm{err}_t - \alpha), \qquad \mathrm{err}_t = 1\{s_t > q_t\}$$
 
-    Paper: eq. (2), corrected. With ``delay`` h the event of time t takes effect when q[t+h] is
+    Paper: eq. (4), corrected. With ``delay`` h the event of time t takes effect when q[t+h] is
     formed, with the step that belongs to it; events are applied in order. The same numbers as
     ``Tracker``, bit for bit, compiled.
 

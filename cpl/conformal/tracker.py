@@ -29,7 +29,7 @@ class Tracker:
 
     $$q_{t+1} = q_t + \eta_t (\mathrm{err}_t - \alpha), \qquad \mathrm{err}_t = 1\{s_t > q_t\}$$
 
-    Paper: eq. (2), corrected. ``q`` is the threshold that the next score meets. A score equal to
+    Paper: eq. (4), corrected. ``q`` is the threshold that the next score meets. A score equal to
     it is covered.
 
     With ``delay=1`` the error of time t is known when q[t+1] is formed. With ``delay=h`` the

@@ -1,7 +1,7 @@
 """Which share of errors does the update rule produce, as printed and as corrected?
 
 The printed rule is q - eta g(err - alpha) with g the slope of the quantile loss; the corrected one
-is q + eta (err - alpha). Paper: eq. (2) and "we would like it close to 1 - alpha"; errata 1 and 9.
+is q + eta (err - alpha). Paper: eq. (4) and "we would like it close to 1 - alpha"; errata 1 and 9.
 """
 
 from collections.abc import Callable
