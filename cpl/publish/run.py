@@ -81,13 +81,17 @@ def execute_all(
     """
     folder = root / "_build" / "executed"
     done: dict[str, tuple[str, dict[str, Any]]] = {}
-    missing: list[Chapter] = []
+    reach: dict[str, int] = {}
     for chapter in chapters:
-        kept = cache.load(folder, chapter.name, record(chapter, {}, root)["key"])
+        now = record(chapter, {}, root)
+        kept = cache.load(folder, chapter.name, now["key"])
         if kept is None:
-            missing.append(chapter)
+            reach[chapter.name] = len(now["modules"])
         else:
             done[chapter.name] = kept
+    # What rests on much of cpl is likely to take long: begin with that, and nobody waits for it.
+    missing = [chapter for chapter in chapters if chapter.name in reach]
+    missing.sort(key=lambda chapter: -reach[chapter.name])
     report(f"{len(done)} of {len(chapters)} chapters are up to date")
     failures: list[str] = []
     with ProcessPoolExecutor(min(jobs, len(missing)) or 1, get_context("spawn")) as pool:
