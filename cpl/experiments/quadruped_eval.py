@@ -6,8 +6,10 @@ its false-positive rule (`corrected`), a constant gain, an oracle that knows the
 and every policy with the supervisor between it and the robot.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import pandas as pd
 
@@ -19,6 +21,7 @@ from cpl.experiments.quadruped_collect import PROFILES as COLLECT_PROFILES
 from cpl.quadruped import (
     SHAPES,
     GainLimits,
+    Path,
     PolicyConfig,
     Predictor,
     RunConfig,
@@ -29,7 +32,7 @@ from cpl.quadruped import (
     summary,
 )
 
-__all__ = ["LABEL", "PROFILES", "Config", "run_shard", "shards"]
+__all__ = ["LABEL", "PROFILES", "Config", "Walk", "run_shard", "shards", "walks"]
 
 LABEL = "simulated-kinematic"
 RTOL = 1e-6
@@ -89,7 +92,7 @@ PROFILES = {
         collect="smoke", policies=("paper",), shapes=("triangle",), repeats=1, epochs=2, max_s=2.0
     ),
     "book": Config(collect="book", policies=("paper", "no_quantile"), repeats=3),
-    "paper": Config(collect="paper", policies=POLICIES, supervision=SUPERVISION, repeats=20),
+    "paper": Config(collect="paper", policies=POLICIES, supervision=SUPERVISION, repeats=8),
 }
 
 
@@ -110,6 +113,40 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
         One row a run: `shape`, `range`, `repeat`, `policy`, `supervision` and the numbers of
         `cpl.quadruped.summary`.
     """
+    rows = [
+        dict(shard.values)
+        | {"policy": walk.policy, "supervision": walk.supervision}
+        | summary(walk.rows, walk.path, floor_half_width_m=walk.floor_half_width_m)
+        for walk in walks(config, shard)
+    ]
+    return pd.DataFrame(rows)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Walk:
+    """One run and how it came about.
+
+    Attributes:
+        policy: Its policy's name.
+        supervision: `without` or `with`.
+        path: The path it followed.
+        limits: The range of its gain.
+        floor_half_width_m: |x| and |y| of the floor that was meant to be used [m].
+        seed: Of the world's noise; the same for all policies.
+        rows: The log.
+    """
+
+    policy: str
+    supervision: str
+    path: Path
+    limits: GainLimits
+    floor_half_width_m: float
+    seed: int
+    rows: list[dict[str, Any]]
+
+
+def walks(config: Config, shard: Shard) -> Iterator[Walk]:
+    """Walk a shard's runs, one a policy and kind of supervision."""
     net = _trained(config.collect, config.positive_weight, config.epochs, config.seed)
     data = COLLECT_PROFILES[config.collect]
     world = lab(data.light, data.richness, data.exposure_s, data.room_seed)
@@ -117,15 +154,20 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     limits = GainLimits(kp_min=kp_min, kp_max=kp_max, q_safe=config.q_safe)
     tracking = PolicyConfig(alpha=config.alpha, rule=RunningMax(c=0.1))
     seed = run_seed(config.seed, "eval", path.name, shard.number("repeat"))
-    rows = []
     for supervision in config.supervision:
         supervisor = SupervisorConfig() if supervision == "with" else None
         for name in config.policies:
             chosen = policy(name, limits, tracking, net)
-            log = list(run(world, path, chosen, supervisor, seed, RunConfig(max_s=config.max_s)))
-            numbers = summary(log, path, floor_half_width_m=world.config.room.floor_half_width_m)
-            rows.append(dict(shard.values) | {"policy": name, "supervision": supervision} | numbers)
-    return pd.DataFrame(rows)
+            log = run(world, path, chosen, supervisor, seed, RunConfig(max_s=config.max_s))
+            yield Walk(
+                policy=name,
+                supervision=supervision,
+                path=path,
+                limits=limits,
+                floor_half_width_m=world.config.room.floor_half_width_m,
+                seed=seed,
+                rows=list(log),
+            )
 
 
 @lru_cache(maxsize=2)

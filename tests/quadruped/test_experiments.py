@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cpl.experiments import _quadruped, quadruped_collect, quadruped_eval
+from cpl.experiments import _quadruped, quadruped_collect, quadruped_eval, quadruped_walks
 from cpl.quadruped import COLUMNS, GainLimits, PolicyConfig, Predictor, TrainingConfig
 
 SHORT = replace(quadruped_collect.PROFILES["smoke"], max_s=1.0)
@@ -61,8 +61,8 @@ def test_an_evaluated_shard_holds_every_policy_on_the_same_noise(net, monkeypatc
 
 
 def test_the_paper_profile_has_the_cells_of_the_paper_and_more():
-    config = quadruped_eval.PROFILES["paper"]
-    assert len(quadruped_eval.shards(config)) == 3 * 2 * 20
+    config = quadruped_walks.PROFILES["paper"]
+    assert len(quadruped_walks.shards(config)) == 3 * 2 * 20
     book = quadruped_eval.PROFILES["book"]
     assert len(quadruped_eval.shards(book)) * len(book.policies) == 36
 
