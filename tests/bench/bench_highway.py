@@ -7,6 +7,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -49,12 +50,17 @@ def decisions(kind: str, batch: int, steps: int = 50 * STEPS) -> np.ndarray:
 
 
 def engine_round(
-    config: Config, kind: str = "random", *, run_on: bool = False, **options: object
+    config: Config,
+    kind: str = "random",
+    *,
+    batch: int = BATCH,
+    run_on: bool = False,
+    **options: Any,
 ) -> Callable[[], None]:
     """One round of a batch, resets included; past a crash when `run_on`."""
-    engine = Engine(config, BATCH, **options)
-    engine.reset(np.arange(BATCH))
-    actions = iter(decisions(kind, BATCH))
+    engine = Engine(config, batch, **options)
+    engine.reset(np.arange(batch))
+    actions = iter(decisions(kind, batch))
 
     def play() -> None:
         for _ in range(STEPS):
@@ -145,12 +151,13 @@ def sizes() -> Iterator[Row]:
 
 def threads() -> Iterator[Row]:
     """Two threads beside one, by the clock on the wall."""
-    rounds = {f"{n} threads": engine_round(Config(), threads=n) for n in (1, 2)}
+    batch = 4 * BATCH
+    rounds = {f"{n} threads": engine_round(Config(), batch=batch, threads=n) for n in (1, 2)}
     taken = fastest(rounds, rounds=9, clock=time.perf_counter)
     yield Row(
         bench="highway: threads",
         subject="2 threads",
-        value=BATCH * STEPS / taken["2 threads"],
+        value=batch * STEPS / taken["2 threads"],
         unit="steps/s",
         peer="1 thread",
         ratio=taken["1 threads"] / taken["2 threads"],
