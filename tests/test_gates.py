@@ -67,7 +67,11 @@ def test_nothing_is_misspelt():
 
 def test_the_makefile_has_at_most_ten_commands_and_explains_them():
     make = subprocess.run(
-        ["make", "help"], cwd=project_root(), capture_output=True, text=True, check=True
+        ["make", "--no-print-directory", "help"],
+        cwd=project_root(),
+        capture_output=True,
+        text=True,
+        check=True,
     )
     listed = [line.split()[0] for line in make.stdout.splitlines()]
     text = (project_root() / "Makefile").read_text()
