@@ -38,7 +38,7 @@ _THEORY = (
     Claim(
         1,
         "split conformal prediction covers with probability at least 1 - alpha",
-        "Section II",
+        "Section I",
         ">= 1 - alpha",
         "mean coverage over calibration sets; in 1e5 draws of each kind mean, variance and shape "
         "meet the Beta law within 4 standard errors, and ties only add",
@@ -47,7 +47,7 @@ _THEORY = (
     Claim(
         2,
         "the average error tends to alpha for any sequence of data",
-        "Section II",
+        "Section I",
         "alpha + o(1)",
         "share of sequences that leave the finite bound at any horizon; 0 of at least 1e4 random "
         "and adversarial ones",
@@ -84,7 +84,7 @@ _THEORY = (
     Claim(
         6,
         "the update q - eta grad rho(err - alpha) brings err close to 1 - alpha",
-        "Section III-A, eq. (2)",
+        "Section III-A, eq. (4)",
         "1 - alpha",
         "mean of (error rate - alpha) under q + eta (err - alpha); that rule must reach alpha "
         "within its bound, the printed one leave it, and the target be proved to be alpha",
@@ -123,7 +123,7 @@ _ROAD = (
     Claim(
         10,
         "the switching policy satisfies Assumption 1 by design",
-        "Section III-B",
+        "Section IV-D",
         None,
         "error rate on windows with q >= q_floor; its upper bound must be below alpha",
         "switch",
@@ -131,7 +131,7 @@ _ROAD = (
     Claim(
         11,
         "a conformal policy quickly leaves regimes in which its uncertainty is wrong",
-        "Section V",
+        "Section VI",
         None,
         "99th percentile of the time until q >= s after a step shift; at most the theory's",
         "trust",
@@ -164,7 +164,7 @@ _ROAD = (
     Claim(
         15,
         "four lanes, fifty cars, speed ranges 20-30, 20-40 and 20-50 m/s",
-        "Section IV-A",
+        "Section IV-A, IV-F",
         "up to 50 m/s",
         "highest speed in the widest range; the configuration must match and 50 be possible",
         "road",
@@ -173,7 +173,7 @@ _ROAD = (
     Claim(
         16,
         "l_tilde = 2 / (1 + exp(0.1 l)) lies in [0, 1]",
-        "Section IV-B",
+        "Section IV-C",
         "[0, 1]",
         "least and greatest l_tilde; all in (0, 1] and strictly decreasing in distance",
         "drive",
@@ -181,7 +181,7 @@ _ROAD = (
     Claim(
         17,
         "DQN with two layers of 256, 200,000 steps and the stated rewards",
-        "Section IV-A",
+        "Section IV-B",
         "200,000 steps",
         "slope of the learning curve at the end, 10 seeds; the specification must match and the "
         "interval contain 0",
@@ -190,7 +190,7 @@ _ROAD = (
     Claim(
         18,
         "the predictor (64-128-64, 30,000 rollouts) is trained to convergence",
-        "Section IV-B",
+        "Section IV-C",
         "30,000 rollouts",
         "slope of the validation loss at the end; the number of parameters must match",
         "forecast",
@@ -198,7 +198,7 @@ _ROAD = (
     Claim(
         19,
         "evaluation mixes states in and out of distribution",
-        "Section IV-C",
+        "Section IV-F",
         None,
         "share of steps out of distribution; strictly between 5 and 95 %",
         "forecast",
@@ -206,7 +206,7 @@ _ROAD = (
     Claim(
         20,
         "the switch outperforms five uncertainty baselines",
-        "Section IV-C, Figure 2",
+        "Section IV-F, Figure 2",
         None,
         "least speed difference over the common collision levels; simultaneous band above 0 and "
         "hypervolume difference above 0, Holm over five",
@@ -223,7 +223,7 @@ _ROAD = (
     Claim(
         22,
         "its gain is larger for more stringent q_safe",
-        "Section IV-C",
+        "Section IV-F",
         None,
         "slope of the gain over q_safe; interval above 0",
         "switch",
@@ -231,7 +231,7 @@ _ROAD = (
     Claim(
         23,
         "it adds almost no computation",
-        "Section IV-C",
+        "Section IV-F",
         None,
         "time of the quantile's update as a share of the predictor's forward pass; below 1 %",
         "switch",
@@ -239,7 +239,7 @@ _ROAD = (
     Claim(
         24,
         "ensembles cost five times the computation",
-        "Section IV-C",
+        "Section IV-F",
         "5",
         "ratio of time and of operations, ensemble to single predictor; between 4.5 and 5.5",
         "trust",
@@ -247,7 +247,7 @@ _ROAD = (
     Claim(
         25,
         "it needs no change of the model and is the simplest method but one",
-        "Section IV-C",
+        "abstract, Section IV-F",
         None,
         "number of weights that differ; 0 (simplicity: a table of lines and parameters, judged)",
         "switch",
@@ -263,7 +263,7 @@ _ROAD = (
     Claim(
         27,
         "90 % coverage is verified empirically",
-        "Section IV-C, Figure 3",
+        "Section IV-F, Figure 3",
         "0.90",
         "pooled coverage over at least 1e5 steps; 0.90 +- 0.01 with q reset and with q carried on",
         "switch",
@@ -291,7 +291,7 @@ _LEARNING = (
     Claim(
         30,
         "the switch is the safest agent by a significant margin, in all three ranges",
-        "Section IV-D, Table I",
+        "Section IV-F, Table I",
         "4.3, 12.8, 14.6 s",
         "least paired difference of mean durations, Holm over six, 10 training seeds; rule R (the "
         "gain over an episode-level coin flip is reported beside it)",
@@ -300,7 +300,7 @@ _LEARNING = (
     Claim(
         31,
         "pi_RL is the second best",
-        "Section IV-D",
+        "Section IV-F",
         "second in 3 of 3 ranges",
         "number of ranges in which it is second with probability above 0.95",
         "table1",
@@ -309,7 +309,7 @@ _LEARNING = (
     Claim(
         32,
         "pi_RL survives 25 % longer at 20-40 than the other ablations",
-        "Section IV-D",
+        "Section IV-F",
         "1.25",
         "ratio of mean durations; interval against 1 and 1.25",
         "table1",
@@ -318,7 +318,7 @@ _LEARNING = (
     Claim(
         33,
         "RL underperforms the switch out of distribution",
-        "Section I, Section IV-D",
+        "Section I, Section IV-F",
         None,
         "difference of mean durations, switch minus pi_RL; above 0 in both ranges",
         "table1",
@@ -326,7 +326,7 @@ _LEARNING = (
     Claim(
         34,
         "no RL agent uses the quantile as well as the switch",
-        "Section IV-D",
+        "Section IV-F",
         None,
         "distance of the switch from the hull of the RL agents in (speed, duration); interval "
         "above 0",
@@ -335,7 +335,7 @@ _LEARNING = (
     Claim(
         35,
         "observing the quantile helps RL (pi_RL against pi_RL^nq)",
-        "Section IV-D",
+        "Section IV-F",
         None,
         "paired difference over training seeds; rule R in three ranges",
         "table1",
@@ -343,7 +343,7 @@ _LEARNING = (
     Claim(
         36,
         "the penalty on q keeps pi_RL^1 in known states",
-        "Section IV-D",
+        "Section IV-F",
         None,
         "difference of the mean quantile, pi_RL minus pi_RL^1, and of the share of steps out of "
         "distribution; rule R",
@@ -352,7 +352,7 @@ _LEARNING = (
     Claim(
         37,
         "pi_RL^2 is conservative only when the risk rises too",
-        "Section IV-D",
+        "Section IV-F",
         None,
         "gain in deviance of its actions when q l_tilde is added to q; interval above 0",
         "why",
@@ -369,7 +369,7 @@ _LEARNING = (
     Claim(
         39,
         "RL fails because q is small during training",
-        "Section IV-D",
+        "Section IV-F",
         None,
         "effect of retraining with a widened q; support of q and do(q) beside it; rule R",
         "why",
@@ -396,7 +396,7 @@ _ROBOT = (
     Claim(
         42,
         "on the robot the switch tracks better, in and out of distribution",
-        "Section V-D, Figure 5",
+        "Section V-D, Figure 4",
         None,
         "difference of tracking errors; stratified exact permutation on logs",
         "run_it",
@@ -433,7 +433,7 @@ _ROBOT = (
         46,
         "it takes longer on easy and medium paths and is faster on the hard one out of "
         "distribution, by catching false positives",
-        "Section V-D, Figure 6",
+        "Section V-D, Figure 5",
         None,
         "signs of the differences in time, with the rate of false positives",
         "run_it",
@@ -442,7 +442,7 @@ _ROBOT = (
     Claim(
         47,
         "coverage is above 0.8 in and out of distribution",
-        "Section V-D, Figure 7",
+        "Section V-D, Figure 6",
         "> 0.8",
         "coverage with a block bootstrap; two 40-step runs are both above 0.8 by chance in 35 %",
         "run_it",
