@@ -53,7 +53,7 @@ def test_the_entrance_leads_to_the_front_page(site, server, chromium, how):
     tab = chromium.new_page()
     tab.goto(f"{site.as_uri() if how == 'from disk' else server}/index.html")
     tab.wait_for_url("**/book/*.html")
-    assert tab.locator("main h1").first.is_visible()
+    assert tab.locator("article h1").first.is_visible()
     tab.close()
 
 
