@@ -23,7 +23,8 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(args: argparse.Namespace) -> int:
     """Build the book and say where it is."""
     from cpl.publish.execute import ExecutionError
-    from cpl.publish.site import SiteError, build
+    from cpl.publish.render import SiteError
+    from cpl.publish.site import build
 
     begin = time.perf_counter()
     try:

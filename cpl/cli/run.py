@@ -50,8 +50,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(msg)
 
     from cpl.publish.execute import ExecutionError
+    from cpl.publish.render import SiteError
     from cpl.publish.run import new_folder, run_chapter
-    from cpl.publish.site import SiteError
 
     folder = args.out or new_folder(root, chapter, chosen)
     print(f"executing {chapter.name} with {dict(chosen) or 'its own parameters'}", file=sys.stderr)

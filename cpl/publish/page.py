@@ -20,7 +20,7 @@ from typing import Any
 import yaml
 
 from cpl.publish.chapters import Chapter
-from cpl.publish.site import render
+from cpl.publish.render import render
 from cpl.publish.stage import settings_files, staged_notebook
 
 __all__ = ["standalone"]

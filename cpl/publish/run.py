@@ -14,6 +14,7 @@ from typing import Any
 from cpl.publish import cache
 from cpl.publish.chapters import Chapter
 from cpl.publish.execute import ExecutionError, execute
+from cpl.publish.page import standalone
 from cpl.publish.parameters import Value
 from cpl.publish.provenance import record
 from cpl.store import atomic_write
@@ -38,8 +39,6 @@ def run_chapter(chapter: Chapter, chosen: Mapping[str, Value], folder: Path, roo
     Raises:
         ExecutionError: If a cell fails; nothing is written then.
     """
-    from cpl.publish.page import standalone
-
     notebook, made = _execute(chapter, chosen, root)
     page = standalone(chapter, notebook, made, root)
     folder.mkdir(parents=True, exist_ok=True)

@@ -8,8 +8,9 @@ import pytest
 
 from cpl.publish.chapters import ChapterError, find_chapter, find_chapters
 from cpl.publish.execute import as_notebook
+from cpl.publish.render import SiteError, render
 from cpl.publish.run import execute_all, new_folder, run_chapter
-from cpl.publish.site import SiteError, build, render
+from cpl.publish.site import build
 from cpl.publish.stage import staged_notebook, write_stage
 
 
