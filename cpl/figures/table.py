@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Table", "bench_table", "table"]
+__all__ = ["Table", "bench_table", "rows_or_note", "table"]
 
 
 @dataclass(frozen=True)
@@ -78,6 +78,26 @@ def table(
         *(_line(write.get(key, "{}").format(record[key]) for key in shown) for record in records),
     ]
     return Table("\n".join(lines))
+
+
+def rows_or_note(
+    rows: "pd.DataFrame", columns: Mapping[str, str], formats: Mapping[str, str]
+) -> Table:
+    """Return rows as a table or, where there are none, a line that says so.
+
+    Args:
+        rows: what is shown.
+        columns: which columns, and the heading of each.
+        formats: how to write their values.
+
+    Example:
+        >>> import pandas as pd
+        >>> print(rows_or_note(pd.DataFrame({"n": []}), {"n": "number"}, {}))
+        *These logs do not have what this table needs; see what is missing above.*
+    """
+    if not len(rows):
+        return Table("*These logs do not have what this table needs; see what is missing above.*")
+    return table(rows, formats, columns=columns)
 
 
 def bench_table(rows: Iterable[Mapping[str, Any]]) -> Table:

@@ -30,7 +30,7 @@ from cpl.quadruped.gains import GAIN_RULES, GainLimits
 
 __all__ = ["decisions", "differences", "failures", "window_coverage"]
 
-GRID = 201  # points a side of a map of decisions
+GRID = 202  # points a side of a map of decisions; none of them falls on a threshold
 MARKERS = {"triangle": "^", "rectangle": "s", "hexagon": "h"}
 
 
@@ -145,8 +145,8 @@ def window_coverage(windows: pd.DataFrame, *, alpha: float, label: str) -> Card:
     least, median, most, bound = by.to_numpy(dtype=np.float64).T
     axes.fill_between(first, least, most, color=PALE, label="all runs")
     axes.plot(first, median, color=BLUE, label="median run")
-    axes.plot(first, bound, color=INK, linestyle=(0, (5, 2)), label="guaranteed to the worst")
-    level(axes, 1 - alpha, "the paper expects at least this", PURPLE)
+    axes.plot(first, bound, color=INK, linestyle=(0, (5, 2)), label="least guarantee")
+    level(axes, 1 - alpha, "the paper expects at least this", PURPLE, below=True)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     return stamp(figure, label)
 

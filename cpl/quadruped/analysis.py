@@ -6,6 +6,7 @@ comparison that cannot be made has no rows. The tables are those of `cpl.logs.re
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import combinations
 from typing import Any
 
@@ -18,12 +19,15 @@ from cpl.quadruped.gains import false_positive
 from cpl.quadruped.metrics import coverage, path_distance, trajectory_error, windowed_coverage
 from cpl.quadruped.paths import Path
 from cpl.quadruped.permutation import sign_flip
+from cpl.rng import stream
 from cpl.stats import mean_interval
 
 __all__ = [
     "NEEDS",
     "alarms",
+    "alarms_by_policy",
     "compare",
+    "comparisons",
     "coverage_beside_bound",
     "failure_shares",
     "guaranteed_coverage",
@@ -187,7 +191,7 @@ def compare(
         One row a shape and range, and one a range for all shapes together, which is the stratified
         test: `range`, `shape`, `n`, `treated`, `control` (means), `difference`, `p` (exact sign
         flips), `least_p`, `better` (share of pairs in which the treated one is lower) and
-        `reversed_by_3` (see `reversals`; for single shapes). Empty if there is no pair.
+        `reversed_by_3` (see `reversals`, over repeats). Empty if there is no pair.
     """
     wide = scored.pivot_table(index=list(PAIR), columns="policy", values=value, aggfunc="first")
     columns = ["range", "shape", "n", "treated", "control", "difference", "p", "least_p", "better"]
@@ -205,9 +209,29 @@ def compare(
         told = (gains, shape, test.n, part[treated].mean(), part[control].mean(), test.value)
         row = dict(zip(columns, (*told, test.p, test.least_p), strict=False))
         row["better"] = float((difference < 0).mean())
-        row["reversed_by_3"] = reversals(difference, 3) if shape != "all" else float("nan")
+        of_repeat = np.bincount(pd.factorize(part["repeat"])[0], weights=difference)
+        row["reversed_by_3"] = reversals(of_repeat, 3)
         rows.append(row)
     return pd.DataFrame(rows, columns=[*columns, "reversed_by_3"])
+
+
+def comparisons(scored: pd.DataFrame, values: Mapping[str, str], seed: int) -> pd.DataFrame:
+    """Compare the paper's two policies in several numbers.
+
+    Args:
+        scored: What `score_runs` returned.
+        values: Column by what it is called.
+        seed: Draws the sign patterns where there are too many to count.
+
+    Returns:
+        The rows of `compare`, with `what` in front.
+    """
+    parts = [
+        compare(scored, value, stream(seed, "compare", value)).assign(what=what)
+        for what, value in values.items()
+    ]
+    told = pd.concat([part for part in parts if len(part)] or parts[:1], ignore_index=True)
+    return told.reindex(columns=["what", *(name for name in told if name != "what")])
 
 
 def reversals(differences: ArrayLike, repeats: int) -> float:
@@ -269,6 +293,25 @@ def alarms(table: pd.DataFrame, summary: pd.DataFrame, *, q_safe: float = 0.8) -
     if not len(steps):
         return empty
     return pd.DataFrame([row | {"rate": _share(row)} for row in rows_])
+
+
+def alarms_by_policy(
+    table: pd.DataFrame, summary: pd.DataFrame, *, q_safe: float = 0.8
+) -> pd.DataFrame:
+    """Do `alarms` for the runs of each policy, with `policy` in front; empty if none is known.
+
+    Args:
+        table: Rows of all runs, with `run`.
+        summary: One row a run, with the policy as `config.policy`.
+        q_safe: The switch's threshold [score].
+    """
+    of_run = {row["run"]: _said(row, "config.policy", "") for row in summary.to_dict("records")}
+    parts = [
+        alarms(rows, summary, q_safe=q_safe).assign(policy=policy)
+        for policy, rows in table.groupby([of_run[run] for run in table["run"]])
+    ]
+    told = pd.concat([part for part in parts if len(part)] or parts, ignore_index=True)
+    return told.reindex(columns=["policy", "what", "steps", "slam_errors", "rate"])
 
 
 def failure_shares(table: pd.DataFrame, *, least_steps: int = 5) -> pd.DataFrame:

@@ -50,7 +50,7 @@ def test_coverage_is_drawn_beside_its_bound():
     (axes,) = walks.window_coverage(windows, alpha=0.2, label=LABEL).axes
     assert [line.get_label() for line in axes.lines[:2]] == [
         "median run",
-        "guaranteed to the worst",
+        "least guarantee",
     ]
 
 

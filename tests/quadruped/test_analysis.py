@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from cpl.conformal import RunningMax, track
 from cpl.quadruped.analysis import (
     alarms,
+    alarms_by_policy,
     compare,
     coverage_beside_bound,
     failure_shares,
@@ -118,6 +119,13 @@ def test_alarms_are_sorted_by_what_the_rule_does_with_them(runs):
     told = alarms(*runs).set_index("what")
     assert told["steps"].to_dict() == {"no alarm": 0, "alarm kept": 0, "alarm overruled": 192}
     assert told.loc["alarm overruled", "slam_errors"] == 12
+
+
+def test_alarms_are_asked_policy_by_policy(runs, poses_only):
+    told = alarms_by_policy(*runs)
+    assert told["policy"].tolist() == ["no_quantile"] * 3 + ["paper"] * 3
+    assert told["steps"].tolist() == [0, 0, 96] * 2
+    assert alarms_by_policy(*poses_only).empty
 
 
 def test_an_outcome_behind_a_gap_does_not_count(runs):
