@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 
 from cpl.cli import main
-from cpl.experiments import quadruped_walks
+from cpl.experiments import published, quadruped_walks
 from cpl.experiments._quadruped_logs import record
 from cpl.experiments._result import Provenance, Result
-from cpl.logs import read_runs
-from cpl.quadruped import COLUMNS, shape
+from cpl.logs import read_run, read_runs
+from cpl.quadruped import COLUMNS, shape, summary
 from cpl.store import data_path
 
 SHIPPED = data_path("logs", "quadruped")
@@ -105,3 +105,18 @@ def test_the_shipped_logs_have_twenty_runs_a_cell():
     cells = pd.Series([name.rsplit("-", 1)[0] for name in manifest["files"]])
     assert cells.value_counts().unique().tolist() == [20]
     assert cells.nunique() == 3 * 2 * 2
+
+
+@pytest.mark.parametrize(
+    "cell", [("triangle", "out", "paper", 0), ("hexagon", "in", "no_quantile", 3)]
+)
+def test_the_logs_are_the_runs_of_the_published_table(cell):
+    path, gains, policy, repeat = cell
+    run = read_run(SHIPPED / f"{path}-{gains}-{policy}-without-{repeat}.mcap")
+    table = published("quadruped_eval").table.query(
+        "shape == @path and range == @gains and policy == @policy and repeat == @repeat"
+        " and supervision == 'without'"
+    )
+    told = summary(run.table, shape(path), floor_half_width_m=2.5)
+    for name in ("start_end_m", "path_error_m", "slam_error_rate", "coverage", "mean_kp", "steps"):
+        assert table[name].tolist() == [pytest.approx(told[name], abs=1e-6)]
