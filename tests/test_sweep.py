@@ -163,12 +163,18 @@ toy.sweep(toy.slow, toy.SHARDS, store=store, workers=int(sys.argv[2]), **toy.WOR
 """
 
 
+def listen() -> None:
+    """Hear Ctrl-C even where the tests run in the background of a shell, which ignores it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def interrupt(store: WorkStore, how: signal.Signals, workers: int, after: int) -> set[str]:
     """Start a driver, hit it when some shards are there, return what it had committed."""
     driver = subprocess.Popen(
         [sys.executable, "-c", DRIVER, str(store.root), str(workers)],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
+        preexec_fn=listen,
     )
     deadline = time.monotonic() + 60
     while len(store.shards("toy", KEY)) < after and time.monotonic() < deadline:

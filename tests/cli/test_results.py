@@ -140,7 +140,14 @@ def test_ctrl_c_keeps_what_is_finished_and_says_so(store):
     """The real command: interrupted, status 130; the second run finds what the first kept."""
     words = ["compute", "quantile_range", "--set", "settings=149", "T=150", "--workers", "1"]
     command = [sys.executable, "-m", "cpl", *words]
-    driver = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    driver = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # A shell's background job ignores Ctrl-C, and hands that on to what it starts.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     deadline = time.monotonic() + 120
     while not list(store.root.glob("quantile_range/*/*.shard")) and time.monotonic() < deadline:
         assert driver.poll() is None, "the command ended before it could be hit"
