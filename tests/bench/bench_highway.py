@@ -33,12 +33,26 @@ engine.step(np.zeros(2, np.int64))
 print(time.process_time() - begun)
 """
 
+ALONE = """
+import time
+from tests.bench.bench_highway import BATCH, STEPS, Config, engine_round
+play = engine_round(Config(), batch=BATCH)
+play()
+best = float("inf")
+for _ in range(40):
+    begun = time.perf_counter()
+    play()
+    best = min(best, time.perf_counter() - begun)
+print(BATCH * STEPS / best)
+"""
+
 
 def measure() -> Iterator[Row]:
     """Measure three ways of driving beside the peers, then sizes, threads, the start and memory."""
     yield from driving()
     yield from sizes()
     yield from threads()
+    yield from processes()
     yield from start()
     yield memory()
 
@@ -161,6 +175,26 @@ def threads() -> Iterator[Row]:
         unit="steps/s",
         peer="1 thread",
         ratio=taken["1 threads"] / taken["2 threads"],
+    )
+
+
+def processes() -> Iterator[Row]:
+    """Two processes at once beside one, by the clock on the wall; each says its best round."""
+    rates: dict[int, float] = {}
+    for count in (1, 2):
+        running = [
+            subprocess.Popen([sys.executable, "-c", ALONE], stdout=subprocess.PIPE, text=True)
+            for _ in range(count)
+        ]
+        said = [process.communicate(timeout=120)[0] for process in running]
+        rates[count] = sum(float(line) for line in said)
+    yield Row(
+        bench="highway: processes",
+        subject="2 processes",
+        value=rates[2],
+        unit="steps/s",
+        peer="1 process",
+        ratio=rates[2] / rates[1],
     )
 
 
