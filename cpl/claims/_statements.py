@@ -166,8 +166,8 @@ _ROAD = (
         "four lanes, fifty cars, speed ranges 20-30, 20-40 and 20-50 m/s",
         "Section IV-A, IV-F",
         "up to 50 m/s",
-        "highest speed in the widest range; the configuration must match, and every range be reachable"
-        " (in part: some ranges)",
+        "highest speed in the widest range; the configuration must match and every range be "
+        "reachable (in part: some are)",
         "road",
         (_INCONSISTENT,),
     ),
