@@ -5,6 +5,7 @@ Two layers. The *work* layer (outside git) holds finished shards by key; the *pu
 """
 
 from cpl.store.keys import canonical_json, plain, stage_key, versions_below
+from cpl.store.models import DamagedModelError, Model, decode_model, encode_model
 from cpl.store.paths import atomic_write, data_path, project_root, work_path
 from cpl.store.published import (
     DamagedResultError,
@@ -26,21 +27,32 @@ from cpl.store.source import (
     module_digests,
 )
 from cpl.store.state import machine, source_commit, today
-from cpl.store.tables import decode_table, encode_table, same_table, table_digest
+from cpl.store.tables import (
+    bytes_columns,
+    decode_table,
+    encode_table,
+    same_table,
+    table_digest,
+)
 from cpl.store.work import StoredShard, WorkStore
 
 __all__ = [
+    "DamagedModelError",
     "DamagedResultError",
     "Manifest",
+    "Model",
     "PublishedShard",
     "StoredShard",
     "Verification",
     "WorkStore",
     "atomic_write",
+    "bytes_columns",
     "canonical_json",
     "cpl_imports",
     "data_path",
+    "decode_model",
     "decode_table",
+    "encode_model",
     "encode_table",
     "external_imports",
     "fingerprint",

@@ -3,6 +3,8 @@
 ``<experiment>/<profile>.parquet`` is the table, ``<profile>.json`` beside it says where it comes
 from. A change of code never deletes a result: it makes it *unverified* until a seeded sample of its
 shards was re-executed and agreed.
+
+Models that a table carries as bytes lie in files of their own, see `cpl.store.shelf`.
 """
 
 # pyright: reportMissingTypeStubs=false
@@ -19,8 +21,14 @@ import pandas as pd
 
 from cpl.store.keys import canonical_json, plain, versions_below
 from cpl.store.paths import atomic_write, data_path
+from cpl.store.shelf import MisplacedModelError, PublishedShard, put_back, taken_out
 from cpl.store.source import module_digests
-from cpl.store.tables import column_types, decode_table, encode_table, table_digest
+from cpl.store.tables import (
+    column_types,
+    decode_table,
+    encode_table,
+    table_digest,
+)
 
 __all__ = [
     "DamagedResultError",
@@ -40,15 +48,6 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*(-[a-z0-9_]+)?")
 
 class DamagedResultError(ValueError):
     """A published file does not agree with its manifest."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PublishedShard:
-    """A stretch of rows that was computed in one go, and can be recomputed in one go."""
-
-    name: str
-    first_row: int
-    rows: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,7 +115,8 @@ def publish(table: pd.DataFrame, manifest: Manifest, *, root: Path | None = None
     Args:
         table: Plain columns.
         manifest: Where it comes from; what describes the table itself is filled in here.
-        root: Folder of the layer; ``data/results`` unless given.
+        root: Folder of the layer, models go into ``models`` beside it; ``data/results`` unless
+            given.
 
     Returns:
         Path of the manifest.
@@ -129,7 +129,8 @@ def publish(table: pd.DataFrame, manifest: Manifest, *, root: Path | None = None
     if sum(shard.rows for shard in manifest.shards) != len(table):
         msg = f"shards must add up to the table's {len(table)} rows, got {manifest.shards!r}"
         raise ValueError(msg)
-    content = encode_table(table)
+    lean, files = taken_out(table, _shelf(path), manifest.shards, _about(manifest))
+    content = encode_table(lean)
     full = replace(
         manifest,
         columns=column_types(table),
@@ -137,6 +138,8 @@ def publish(table: pd.DataFrame, manifest: Manifest, *, root: Path | None = None
         content=table_digest(table),
         sha256=sha256(content).hexdigest(),
     )
+    for file, payload in files.items():
+        atomic_write(file, payload)
     atomic_write(path.with_suffix(".parquet"), content)
     return _write_manifest(full, path)
 
@@ -181,7 +184,10 @@ def read_published(
     if sha256(content).hexdigest() != manifest.sha256:
         msg = f"{experiment}/{path.name} does not agree with the SHA-256 in its manifest"
         raise DamagedResultError(msg)
-    table = decode_table(content)
+    try:
+        table = put_back(decode_table(content), _shelf(path), manifest.shards, manifest.columns)
+    except MisplacedModelError as error:
+        raise DamagedResultError(str(error)) from error
     if table_digest(table) != manifest.content:
         msg = f"{experiment}/{path.name} does not say what its manifest says"
         raise DamagedResultError(msg)
@@ -245,6 +251,21 @@ def _manifest_path(experiment: str, profile: str, root: Path | None) -> Path:
             raise ValueError(msg)
     base = data_path("results") if root is None else root
     return base / experiment / f"{profile}.json"
+
+
+def _shelf(manifest_path: Path) -> Path:
+    """Return the folder of a result's models: beside the layer, named like the result."""
+    name = f"{manifest_path.parent.name}-{manifest_path.stem}"
+    return manifest_path.parents[2] / "models" / name
+
+
+def _about(manifest: Manifest) -> dict[str, str]:
+    return {
+        "experiment": manifest.experiment,
+        "profile": manifest.profile,
+        "commit": manifest.commit,
+        "made": manifest.made,
+    }
 
 
 def _write_manifest(manifest: Manifest, path: Path) -> Path:

@@ -1,7 +1,8 @@
 """How a table becomes bytes and comes back: Parquet, plain columns, nothing that can run.
 
-A table here is a pandas frame with plain columns (booleans, integers, floats, text), its rows
-numbered from 0. That is all a result needs, and it makes its digest and its reading safe.
+A table here is a pandas frame with plain columns (booleans, integers, floats, text, bytes), its
+rows numbered from 0. That is all a result needs, and it makes its digest and its reading safe.
+Bytes are there for models: what they mean is for `cpl.store.models` to check, never for pandas.
 """
 
 # pyright: standard
@@ -17,7 +18,14 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-__all__ = ["column_types", "decode_table", "encode_table", "same_table", "table_digest"]
+__all__ = [
+    "bytes_columns",
+    "column_types",
+    "decode_table",
+    "encode_table",
+    "same_table",
+    "table_digest",
+]
 
 _NUMBERS = {
     "bool", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64",
@@ -29,8 +37,8 @@ def encode_table(table: pd.DataFrame) -> bytes:
     """Write a table as one Parquet file (zstd), without any metadata of pandas or Arrow.
 
     Args:
-        table: Plain columns (booleans, integers, floats, text) with unique text names, numbered
-            from 0.
+        table: Plain columns (booleans, integers, floats, text, bytes) with unique text names,
+            numbered from 0.
 
     Raises:
         ValueError: If the table holds anything else; the message names the column.
@@ -100,9 +108,9 @@ def table_digest(table: pd.DataFrame) -> str:
     _check_plain(table)
     digest = hashlib.sha256(f"{len(table)} rows\n".encode())
     for name, column in _columns(table):
-        text = _is_text(column)
-        digest.update(f"{name!r} {'text' if text else column.dtype.name}\n".encode())
-        digest.update(_text_bytes(column) if text else _number_bytes(column))
+        kind = _SPELLED.get(_kind(column), column.dtype.name)
+        digest.update(f"{name!r} {kind}\n".encode())
+        digest.update(_number_bytes(column) if kind not in _BYTES else _BYTES[kind](column))
     return digest.hexdigest()
 
 
@@ -138,6 +146,8 @@ def same_table(
             equal = same | (mine.isna() & theirs.isna()).to_numpy(dtype=bool)
         if not equal.all():
             row = int(np.argmin(equal))
+            if _kind(mine) == "y":
+                return f"column {name!r}, row {row}: other bytes"
             return f"column {name!r}, row {row}: {mine.iloc[row]} against {theirs.iloc[row]}"
     return None
 
@@ -149,7 +159,20 @@ def column_types(table: pd.DataFrame) -> dict[str, str]:
         >>> column_types(pd.DataFrame({"n": [1], "q": [0.5], "rule": ["fixed"]}))
         {'n': 'int64', 'q': 'float64', 'rule': 'str'}
     """
-    return {name: str(column.dtype) for name, column in _columns(table)}
+    return {
+        name: "bytes" if _kind(column) == "y" else str(column.dtype)
+        for name, column in _columns(table)
+    }
+
+
+def bytes_columns(table: pd.DataFrame) -> tuple[str, ...]:
+    """Name the columns that hold bytes.
+
+    Examples:
+        >>> bytes_columns(pd.DataFrame({"seed": [0], "model": [b"weights"]}))
+        ('model',)
+    """
+    return tuple(name for name, column in _columns(table) if _kind(column) == "y")
 
 
 def _check_plain(table: Any) -> None:  # noqa: ANN401 - whatever a caller brings
@@ -163,8 +186,8 @@ def _check_plain(table: Any) -> None:  # noqa: ANN401 - whatever a caller brings
         msg = f"columns must have unique text names, got {list(table.columns)}"
         raise ValueError(msg)
     for name, column in _columns(table):
-        if not _is_text(column) and column.dtype.name not in _NUMBERS:
-            msg = f"column {name!r} must hold booleans, numbers or text, got {column.dtype}"
+        if _kind(column) not in "ty" and column.dtype.name not in _NUMBERS:
+            msg = f"column {name!r} must hold booleans, numbers, text or bytes, got {column.dtype}"
             raise ValueError(msg)
 
 
@@ -179,9 +202,17 @@ def _is_text(column: pd.Series) -> bool:
     return column.dtype == object and all(v is None or isinstance(v, str) for v in values)
 
 
+def _is_bytes(column: pd.Series) -> bool:
+    return column.dtype == object and all(isinstance(v, bytes) for v in column.to_numpy())
+
+
 def _kind(column: pd.Series) -> str:
-    """Return one letter: text, boolean, integer (of any width) or float (of any width)."""
-    return "t" if _is_text(column) else {"u": "i"}.get(column.dtype.kind, column.dtype.kind)
+    """Return one letter: text, bytes (y), boolean, integer or float (of any width)."""
+    if _is_text(column):
+        return "t"
+    if _is_bytes(column):
+        return "y"
+    return {"u": "i"}.get(column.dtype.kind, column.dtype.kind)
 
 
 def _number_bytes(column: pd.Series) -> bytes:
@@ -197,6 +228,14 @@ def _text_bytes(column: pd.Series) -> bytes:
     return b"".join(b"-;" if p is None else b"%d:%b;" % (len(p), p) for p in parts)
 
 
+def _raw_bytes(column: pd.Series) -> bytes:
+    return b"".join(b"%d:%b;" % (len(v), v) for v in column)
+
+
+_SPELLED = {"t": "text", "y": "bytes"}
+_BYTES = {"text": _text_bytes, "bytes": _raw_bytes}
+
+
 def _is_plain_type(kind: pa.DataType) -> bool:
     return (
         pa.types.is_boolean(kind)
@@ -204,4 +243,5 @@ def _is_plain_type(kind: pa.DataType) -> bool:
         or pa.types.is_floating(kind)
         or pa.types.is_string(kind)
         or pa.types.is_large_string(kind)
+        or pa.types.is_binary(kind)
     )

@@ -8,11 +8,13 @@ import pytest
 
 from cpl.rng import stream
 from cpl.store import (
+    DamagedModelError,
     DamagedResultError,
     Manifest,
     PublishedShard,
     Verification,
     canonical_json,
+    encode_model,
     machine,
     manifests,
     module_digests,
@@ -180,3 +182,56 @@ def test_recording_a_verification_leaves_the_table(tmp_path, table, manifest):
     record_verification(told, later, root=tmp_path)
     assert read_manifest("toy", "paper", root=tmp_path) == replace(told, verified=later)
     assert path.with_suffix(".parquet").read_bytes() == before
+
+
+@pytest.fixture
+def learned():
+    models = [
+        b"",
+        encode_model({"w": np.ones(3)}, {"seed": 0}),
+        b"",
+        encode_model({"w": np.zeros(3)}, {"seed": 1}),
+    ]
+    return pd.DataFrame({"seed": [0, 0, 1, 1], "step": [0, 1, 0, 1], "model": models})
+
+
+def test_models_lie_beside_the_table_and_come_back(learned, manifest, tmp_path):
+    root = tmp_path / "results"
+    publish(learned, manifest, root=root)
+    files = sorted(path.name for path in (tmp_path / "models" / "toy-paper").iterdir())
+    names = [shard.name for shard in manifest.shards]
+    assert files == sorted(f"{n}{suffix}" for n in names for suffix in (".json", ".safetensors"))
+    back, _ = read_published("toy", "paper", root=root)
+    assert same_table(back, learned) is None
+    told = json.loads((tmp_path / "models/toy-paper" / f"{names[1]}.json").read_text())
+    assert told["config"] == {"seed": 1}
+    assert told["sha256"] == hashlib.sha256(learned["model"].iloc[3]).hexdigest()
+
+
+@pytest.mark.parametrize("how", ["flip", "remove", "swap"])
+def test_a_damaged_model_is_refused(learned, manifest, tmp_path, how):
+    root = tmp_path / "results"
+    publish(learned, manifest, root=root)
+    first, second = sorted((tmp_path / "models" / "toy-paper").glob("*.safetensors"))
+    if how == "flip":
+        content = bytearray(first.read_bytes())
+        content[-1] ^= 1
+        first.write_bytes(content)
+    elif how == "remove":
+        first.unlink()
+    else:
+        first.write_bytes(second.read_bytes())
+    with pytest.raises(DamagedResultError, match=first.name):
+        read_published("toy", "paper", root=root)
+
+
+def test_a_shard_holds_one_model(learned, manifest, tmp_path):
+    one = replace(manifest, shards=[PublishedShard(name="all", first_row=0, rows=4)])
+    with pytest.raises(ValueError, match="one model at most"):
+        publish(learned, one, root=tmp_path / "results")
+
+
+def test_bytes_that_are_no_model_are_not_published(learned, manifest, tmp_path):
+    with pytest.raises(DamagedModelError):
+        publish(learned.assign(model=[b"", b"x", b"", b"y"]), manifest, root=tmp_path / "results")
+    assert not (tmp_path / "results").exists()

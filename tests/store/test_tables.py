@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cpl.store import decode_table, encode_table, same_table, table_digest
+from cpl.store import bytes_columns, decode_table, encode_table, same_table, table_digest
 
 
 @pytest.fixture
@@ -140,9 +140,30 @@ def test_a_pickle_in_the_metadata_is_never_loaded(name):
     assert not Bomb.exploded
 
 
-def test_binary_and_nested_columns_are_refused_before_pandas_sees_them():
-    for values in ([b"x"], [[1]], [{"a": 1}]):
+def test_nested_columns_are_refused_before_pandas_sees_them():
+    for values in ([[1]], [{"a": 1}]):
         sink = io.BytesIO()
         pq.write_table(pa.table({"x": values}), sink)
         with pytest.raises(ValueError, match="column 'x' must be plain"):
             decode_table(sink.getvalue())
+
+
+def test_bytes_round_trip_and_count_in_the_digest():
+    table = pd.DataFrame({"seed": [0, 1], "model": [b"", bytes(range(256))]})
+    back = decode_table(encode_table(table))
+    assert back["model"].tolist() == table["model"].tolist()
+    assert table_digest(back) == table_digest(table)
+    other = table.assign(model=[b"", bytes(256)])
+    assert table_digest(other) != table_digest(table)
+    assert same_table(other, table) == "column 'model', row 1: other bytes"
+    assert bytes_columns(table) == ("model",)
+
+
+def test_bytes_and_text_differ_in_the_digest():
+    text, raw = pd.DataFrame({"x": ["ab"]}), pd.DataFrame({"x": [b"ab"]})
+    assert table_digest(text) != table_digest(raw)
+
+
+def test_a_column_of_bytes_and_text_is_refused():
+    with pytest.raises(ValueError, match="column 'x' must hold"):
+        encode_table(pd.DataFrame({"x": np.array([b"a", "b"], dtype=object)}))
