@@ -5,6 +5,7 @@ Stable-Baselines3 is in `cpl.highway.sb3` and imported by whoever needs it.
 """
 
 from cpl.highway.config import FEATURES, PAPER, Config
+from cpl.highway.distances import nearest_distances
 from cpl.highway.engine import Engine, Info, Step
 from cpl.highway.env import ACTIONS, HighwayEnv, register
 from cpl.highway.options import RENDER_OPTIONS, change_config, highway_env_options, make_config
@@ -37,6 +38,7 @@ __all__ = [
     "export_replay",
     "highway_env_options",
     "make_config",
+    "nearest_distances",
     "path_report",
     "read_replay",
     "record_replay",
