@@ -1,6 +1,6 @@
 # The project's ten commands. Each one sets up what it needs; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help venv book test check bench lint lab clean
+.PHONY: help venv book course test check bench lint lab clean
 
 SYSTEM_PYTHON ?= python3.11
 BIN := .venv/bin
@@ -14,6 +14,9 @@ venv: $(ENV)  ## make .venv with the pinned versions
 
 book: $(ENV)  ## execute what changed and render the book to _build/html
 	@$(BIN)/cpl build
+
+course: $(ENV) .venv/.course  ## build both editions of the course, its labs and slides
+	@$(BIN)/cpl course build
 
 test: $(ENV)  ## run every test and gate, without network or browser
 	@$(BIN)/python -m pytest --cov=cpl.conformal --cov-branch --cov-report= --cov-fail-under=95
