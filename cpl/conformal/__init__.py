@@ -1,5 +1,6 @@
 """Track a quantile online: rules, trackers, and what can be proved about them."""
 
+from cpl.conformal.batch import BatchTracker
 from cpl.conformal.exact import ExactTrack, track_exact
 from cpl.conformal.rules import (
     PI,
@@ -23,6 +24,7 @@ from cpl.conformal.tracker import Tracker
 
 __all__ = [
     "PI",
+    "BatchTracker",
     "Decaying",
     "ExactTrack",
     "Fixed",
