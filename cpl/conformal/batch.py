@@ -295,16 +295,20 @@ class _OneByOne:
         self.steppers: list[Stepper] = [rule.stepper() for _ in range(n)]
 
     def peek(self, rows: IntArray, scores: FloatArray) -> FloatArray:
-        pairs = zip(rows.tolist(), scores.tolist(), strict=True)
-        return np.array([self.steppers[row].peek(score) for row, score in pairs])
+        return np.array([own.peek(score) for own, score in self._pairs(rows, scores)])
 
     def push(self, rows: IntArray, scores: FloatArray) -> None:
-        for row, score in zip(rows.tolist(), scores.tolist(), strict=True):
-            self.steppers[row].push(score)
+        for own, score in self._pairs(rows, scores):
+            own.push(score)
 
     def reset(self, rows: IntArray) -> None:
         for row in rows.tolist():
             self.steppers[row] = self.rule.stepper()
+
+    def _pairs(self, rows: IntArray, scores: FloatArray) -> list[tuple[Stepper, float]]:
+        chosen: list[int] = rows.tolist()
+        values: list[float] = scores.tolist()
+        return [(self.steppers[row], score) for row, score in zip(chosen, values, strict=True)]
 
 
 def _steps_of(rule: StepRule, n: int) -> _Steps:
