@@ -117,7 +117,7 @@ def sweep(
     shards: Mapping[str, Any],
     *,
     stage: str,
-    key: str,
+    key: str | Mapping[str, str],
     origin: str,
     store: WorkStore | None = None,
     workers: int | None = None,
@@ -134,7 +134,8 @@ def sweep(
         function: Pure: shard -> table of plain columns. It must be importable by name.
         shards: Name -> what the function gets.
         stage: Name of the stage in the store.
-        key: Key of the stage, from :func:`cpl.store.stage_key`.
+        key: Key of the stage, from :func:`cpl.store.stage_key`; one for each shard, by its name, if
+            they are computed from different inputs.
         origin: Dotted module whose fingerprint driver and workers must agree on.
         store: Work layer; the default one unless given.
         workers: Number of processes, each with one thread; by default one a core. With 1, or with
@@ -158,7 +159,8 @@ def sweep(
             msg = f"{name} must be positive, got {number!r}"
             raise ValueError(msg)
     store = WorkStore() if store is None else store
-    found = {name: store.load(stage, key, name) for name in shards}
+    keys = dict.fromkeys(shards, key) if isinstance(key, str) else key
+    found = {name: store.load(stage, keys[name], name) for name in shards}
     tables = {name: entry.table for name, entry in found.items() if entry is not None}
     spent = {n: float(e.facts.get("seconds", 0.0)) for n, e in found.items() if e is not None}
     missing = {name: shard for name, shard in shards.items() if name not in tables}
@@ -167,7 +169,7 @@ def sweep(
     try:
         with closing(_finished(function, missing, origin, workers, cluster, patience)) as results:
             for name, table, seconds in results:
-                store.save(stage, key, name, table, {"seconds": seconds})
+                store.save(stage, keys[name], name, table, {"seconds": seconds})
                 tables[name], spent[name] = table, seconds
                 if progress:
                     progress.done(seconds=seconds)

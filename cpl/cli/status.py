@@ -36,34 +36,33 @@ def run(args: argparse.Namespace) -> int:
 def _computed(name: str) -> list[str]:
     """Say for each profile what today's code has computed, and why older results are not used."""
     from cpl.experiments._machinery import experiment, job
+    from cpl.experiments._upstream import without_extent
     from cpl.store import WorkStore, plain
 
     store, lines = WorkStore(), list[str]()
     kept = store.descriptions(name)
     for profile in experiment(name).PROFILES:
         task = job(name, profile)
-        there = set(store.shards(name, task.key)) & task.pieces.keys()
+        asked = without_extent(task.module, plain(task.config))
+        ours = {key: told for key, told in kept.items() if told.get("parameters") == asked}
+        today = [key for key, told in ours.items() if not _changed(told, task.origin)]
+        there = {shard for key in today for shard in store.shards(name, key)} & task.pieces.keys()
         if there:
             lines.append(f"{profile}: {len(there)} of {len(task.pieces)} shards computed")
-        older = [
-            told
-            for key, told in kept.items()
-            if key != task.key and told.get("parameters") == plain(task.config)
-        ]
-        if older and not there:
-            lines.append(f"{profile}: computed, but stale: {_why(older[-1], task.origin)}")
+        elif ours and not today:
+            changed = ", ".join(_changed(list(ours.values())[-1], task.origin))
+            lines.append(f"{profile}: computed, but stale: {changed} changed")
     return lines or ["nothing computed here"]
 
 
-def _why(told: Mapping[str, Any], origin: str) -> str:
+def _changed(told: Mapping[str, Any], origin: str) -> list[str]:
     """Name the modules and packages that differ from those of an earlier computation."""
     from cpl.store import module_digests, versions_below
 
     now = module_digests(origin) | versions_below(origin)
     before = {**told.get("modules", {}), **told.get("versions", {})}
     names = sorted(before.keys() | now.keys())
-    changed = [name for name in names if before.get(name) != now.get(name)]
-    return f"{', '.join(changed)} changed" if changed else "its kind of key changed"
+    return [name for name in names if before.get(name) != now.get(name)]
 
 
 def _published(name: str) -> list[str]:

@@ -7,7 +7,10 @@ An experiment is a module of this folder with
 - `PROFILES`, one `Config` each for `smoke` (seconds), `book` (while you wait), `paper` (published),
 - `LABEL`, what kind of evidence it gives (`exact`, `simulated`, ...),
 - `shards(config)`, the pieces it is cut into,
-- `run_shard(config, shard)`, a pure function that returns the piece's table.
+- `run_shard(config, shard)`, a pure function that returns the piece's table,
+- where it stands on other experiments, `upstream(config, shard)`, which names the shards it needs;
+  `run_shard(config, shard, inputs)` then gets their tables,
+- where settings only say how many shards there are, `EXTENT`, their names.
 
 Nothing here imports an experiment until it is named: a chapter that shows one does not depend on
 the code of the others.

@@ -2,25 +2,19 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import partial
-from importlib import import_module
-from typing import Any, Protocol, cast
+from typing import Any
 
 import pandas as pd
 
-from cpl.experiments import names
+from cpl.experiments._execute import run_again, run_job
+from cpl.experiments._job import Experiment, Job, experiment, job, job_of
 from cpl.experiments._result import Provenance, Report, Result
-from cpl.experiments._settings import changed, nearest
-from cpl.experiments._shard import Shard
+from cpl.experiments._settings import changed
 from cpl.rng import stream
 from cpl.store import (
     Manifest,
-    PublishedShard,
     Verification,
     WorkStore,
-    fingerprint,
-    machine,
     module_digests,
     plain,
     publish,
@@ -28,14 +22,10 @@ from cpl.store import (
     read_published,
     record_verification,
     same_table,
-    source_commit,
-    stage_key,
     staleness,
-    table_digest,
     today,
     versions_below,
 )
-from cpl.sweep import sweep
 
 __all__ = [
     "Experiment",
@@ -43,72 +33,12 @@ __all__ = [
     "compute",
     "experiment",
     "job",
+    "job_of",
     "publish_result",
     "published",
     "run_job",
     "verify",
 ]
-
-
-class Experiment(Protocol):
-    """What a module of `cpl.experiments` offers."""
-
-    __doc__: str
-    LABEL: str
-    PROFILES: Mapping[str, Any]
-
-    def shards(self, config: Any) -> list[Shard]:  # noqa: ANN401 - its own Config
-        """Cut the experiment into pieces."""
-        ...
-
-    def run_shard(self, config: Any, shard: Shard) -> pd.DataFrame:  # noqa: ANN401
-        """Compute one piece."""
-        ...
-
-
-@dataclass(frozen=True, kw_only=True)
-class Job:
-    """An experiment with its configuration, and the key under which its shards are kept."""
-
-    name: str
-    profile: str
-    module: Experiment
-    config: Any
-    pieces: dict[str, Shard]
-    key: str
-    modules: dict[str, str]
-    versions: dict[str, str]
-
-    @property
-    def origin(self) -> str:
-        """Dotted name of the module that computes."""
-        return f"cpl.experiments.{self.name}"
-
-
-def experiment(name: str) -> Experiment:
-    """Import an experiment by name.
-
-    Raises:
-        ValueError: If there is none of that name.
-    """
-    known = names()
-    if name not in known:
-        raise ValueError(nearest("experiment", name, known))
-    return cast("Experiment", import_module(f"cpl.experiments.{name}"))
-
-
-def job(name: str, profile: str, changes: Mapping[str, object] | None = None) -> Job:
-    """Check everything that was asked for, before any work.
-
-    Raises:
-        ValueError: If there is no such experiment, profile or setting, or a value does not fit.
-    """
-    module = experiment(name)
-    if profile not in module.PROFILES:
-        raise ValueError(nearest(f"profile of {name}", profile, module.PROFILES))
-    config = changed(module.PROFILES[profile], changes or {})
-    same = config == module.PROFILES[profile]
-    return _job(name, profile if same else f"{profile}+", config)
 
 
 def compute(
@@ -125,49 +55,6 @@ def compute(
     return run_job(
         job(name, profile, changes), store=store, workers=workers, cluster=cluster, quiet=quiet
     )
-
-
-def run_job(
-    task: Job,
-    *,
-    store: WorkStore | None = None,
-    workers: int | None = 1,
-    cluster: str | None = None,
-    quiet: bool = True,
-) -> Result:
-    """Run the missing shards of a job and put all of them together."""
-    store = WorkStore() if store is None else store
-    store.describe(task.name, task.key, _description(task))
-    outcome = sweep(
-        partial(task.module.run_shard, task.config),
-        task.pieces,
-        stage=task.name,
-        key=task.key,
-        origin=task.origin,
-        store=store,
-        workers=workers,
-        cluster=cluster,
-        quiet=quiet,
-    )
-    table = pd.concat(outcome.tables.values(), ignore_index=True)
-    provenance = Provenance(
-        experiment=task.name,
-        profile=task.profile,
-        published=False,
-        parameters=plain(task.config),
-        seeds=_seeds(plain(task.config)),
-        label=task.module.LABEL,
-        commit=source_commit(),
-        modules=task.modules,
-        versions=task.versions,
-        machine=machine(),
-        made=today(),
-        seconds=outcome.seconds,
-        content=table_digest(table),
-        verified=today(),
-        shards=_stretches(outcome.tables),
-    )
-    return Result(table=table, config=task.config, provenance=provenance)
 
 
 def publish_result(result: Result) -> Manifest:
@@ -244,15 +131,14 @@ def verify(name: str, profile: str, *, sample: int, seed: int, record: bool = Fa
         raise ValueError(msg)
     module = experiment(name)
     table, manifest = read_published(name, profile)
-    config = _rebuilt(module, profile, manifest.parameters)
-    pieces = {shard.name: shard for shard in module.shards(config)}
+    task = job_of(name, profile, _rebuilt(module, profile, manifest.parameters))
     rng = stream(seed, "verify", name, profile)
     count = min(sample, len(manifest.shards))
     drawn = sorted(rng.choice(len(manifest.shards), size=count, replace=False).tolist())
     begun, differences = time.process_time(), list[str]()
     for shard in (manifest.shards[i] for i in drawn):
         stored = table.iloc[shard.first_row : shard.first_row + shard.rows]
-        difference = _difference(module, config, pieces.get(shard.name), stored)
+        difference = _difference(task, shard.name, stored)
         if difference:
             differences.append(f"{shard.name}: {difference}")
     report = Report(
@@ -268,43 +154,12 @@ def verify(name: str, profile: str, *, sample: int, seed: int, record: bool = Fa
     return report
 
 
-def _job(name: str, profile: str, config: Any) -> Job:  # noqa: ANN401 - its own Config
-    module, origin = experiment(name), f"cpl.experiments.{name}"
-    modules, versions = module_digests(origin), versions_below(origin)
-    pieces = {shard.name: shard for shard in module.shards(config)}
-    key = stage_key(name, config, fingerprint=fingerprint(origin), versions=versions)
-    return Job(
-        name=name,
-        profile=profile,
-        module=module,
-        config=config,
-        pieces=pieces,
-        key=key,
-        modules=modules,
-        versions=versions,
-    )
-
-
-def _description(task: Job) -> dict[str, Any]:
-    return {
-        "experiment": task.name,
-        "parameters": plain(task.config),
-        "modules": task.modules,
-        "versions": task.versions,
-        "shards": len(task.pieces),
-    }
-
-
-def _difference(
-    module: Experiment,
-    config: Any,  # noqa: ANN401 - its own Config
-    shard: Shard | None,
-    stored: pd.DataFrame,
-) -> str | None:
-    if shard is None:
+def _difference(task: Job, shard: str, stored: pd.DataFrame) -> str | None:
+    if shard not in task.pieces:
         return "the experiment has no such shard any more"
-    rtol = float(getattr(module, "RTOL", 1e-9))
-    return same_table(module.run_shard(config, shard), stored.reset_index(drop=True), rtol=rtol)
+    computed = run_again(task, shard)
+    rtol = float(getattr(task.module, "RTOL", 1e-9))
+    return same_table(computed, stored.reset_index(drop=True), rtol=rtol)
 
 
 def _record(manifest: Manifest, report: Report) -> None:
@@ -322,16 +177,3 @@ def _rebuilt(module: Experiment, profile: str, parameters: Mapping[str, Any]) ->
     """Return the configuration that published parameters stand for."""
     pattern = module.PROFILES.get(profile, next(iter(module.PROFILES.values())))
     return changed(pattern, parameters)
-
-
-def _stretches(tables: Mapping[str, pd.DataFrame]) -> tuple[PublishedShard, ...]:
-    found: list[PublishedShard] = []
-    first = 0
-    for name, table in tables.items():
-        found.append(PublishedShard(name=name, first_row=first, rows=len(table)))
-        first += len(table)
-    return tuple(found)
-
-
-def _seeds(parameters: Mapping[str, Any]) -> dict[str, int]:
-    return {name: value for name, value in parameters.items() if name.endswith("seed")}
