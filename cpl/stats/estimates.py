@@ -1,8 +1,4 @@
-"""Infer: intervals and laws that are decided before the data are seen.
-
-Everything returns an :class:`Estimate`, so that a claim's rule reads the same whether the number
-is a share, a mean or a difference.
-"""
+"""Intervals and laws for one number: a share, a mean, a difference, a coverage."""
 
 from dataclasses import dataclass
 from fractions import Fraction
