@@ -22,6 +22,7 @@ class Observation:
         slam_error: 0 none, 1 Vision, 2 Speed, 3 Other, since the step before.
         true_pose: x [m], y [m], yaw [rad] where a twin knows it, else None.
         touched: Whether the robot has run into something (twins only).
+        fell: Whether the robot lies on the floor (the legged twin only).
     """
 
     t_s: float
@@ -33,6 +34,7 @@ class Observation:
     slam_error: int
     true_pose: tuple[float, float, float] | None = None
     touched: bool = False
+    fell: bool = False
 
     @property
     def pose(self) -> tuple[float, float, float]:

@@ -68,7 +68,7 @@ COLUMNS: dict[str, str] = {
     "outcome": "in the last row why the run ended, else empty",
 }
 
-OUTCOMES = ("arrived", "timeout", "wall", "geofence")
+OUTCOMES = ("arrived", "timeout", "wall", "geofence", "fell")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +102,8 @@ def run(
     """Run once along a path.
 
     Paper: Section V. The run ends when the robot has arrived (by its own estimate), after
-    `config.max_s`, when it has run into a wall, or when the supervisor's geofence has tripped.
+    `config.max_s`, when it has run into a wall or lies on the floor, or when the supervisor's
+    geofence has tripped.
 
     Args:
         world: Where the robot is. It is reset to the path's first waypoint.
@@ -177,6 +178,7 @@ def _outcome(
         ("arrived", arrived(index, now.pose, path)),
         ("wall", now.touched),
         ("geofence", reason is Reason.GEOFENCE),
+        ("fell", now.fell),
         ("timeout", now.t_s >= config.max_s),
     )
     return next((name for name, applies in rules if applies), "")

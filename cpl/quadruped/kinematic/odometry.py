@@ -245,7 +245,7 @@ class Odometry:
     @property
     def _rim_px(self) -> float:
         """Features beyond this distance from the centre are too near the rim of the field."""
-        return self._camera.focal_px * 1.25
+        return self._camera.focal_px * min(1.25, self._camera.field_rad - 0.1)
 
     def _solve(
         self, points: Floats, rays: Floats, *, trust_prediction: bool
