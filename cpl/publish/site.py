@@ -10,7 +10,7 @@ from cpl.publish.run import Report, execute_all
 from cpl.publish.stage import remove, write_stage
 from cpl.store import atomic_write
 
-__all__ = ["build"]
+__all__ = ["build", "write_entrance"]
 
 
 def build(root: Path, *, jobs: int = 2, report: Report = print) -> Path:
@@ -35,8 +35,7 @@ def build(root: Path, *, jobs: int = 2, report: Report = print) -> Path:
     write_stage(stage, root, chapters, executed)
     report(f"rendering {len(pages)} pages")
     fresh = render(stage, root / "_build" / "render")
-    front = find_pages(root)[0].relative_to(root).with_suffix(".html").as_posix()
-    atomic_write(fresh / "index.html", _ENTRANCE.format(front=front))
+    write_entrance(fresh, root)
     site, old = root / "_build" / "html", root / "_build" / "html.old"
     remove(old)
     if site.exists():
@@ -44,6 +43,12 @@ def build(root: Path, *, jobs: int = 2, report: Report = print) -> Path:
     fresh.rename(site)
     remove(old)
     return site / "index.html"
+
+
+def write_entrance(site: Path, root: Path) -> None:
+    """Write the `index.html` that leads to the front page, which lies one folder deeper."""
+    front = find_pages(root)[0].relative_to(root).with_suffix(".html").as_posix()
+    atomic_write(site / "index.html", _ENTRANCE.format(front=front))
 
 
 # A static host and a reader with a file manager both open index.html first.
