@@ -34,6 +34,7 @@ __all__ = [
     "experiment",
     "job",
     "job_of",
+    "manifest_of",
     "publish_result",
     "published",
     "run_job",
@@ -67,7 +68,14 @@ def publish_result(result: Result) -> Manifest:
     if told.profile not in experiment(told.experiment).PROFILES:
         msg = f"profile must be unchanged to be published, got {told.profile!r}"
         raise ValueError(msg)
-    manifest = Manifest(
+    publish(result.table, manifest_of(result))
+    return read_manifest(told.experiment, told.profile)
+
+
+def manifest_of(result: Result) -> Manifest:
+    """Return what is to be written beside a result that was just computed."""
+    told = result.provenance
+    return Manifest(
         experiment=told.experiment,
         profile=told.profile,
         parameters=told.parameters,
@@ -89,8 +97,6 @@ def publish_result(result: Result) -> Manifest:
             of=len(told.shards),
         ),
     )
-    publish(result.table, manifest)
-    return read_manifest(told.experiment, told.profile)
 
 
 def published(name: str, profile: str) -> Result:

@@ -23,15 +23,14 @@ from cpl.quadruped import (
     Policy,
     PolicyConfig,
     Predictor,
-    TrainingConfig,
     dataset,
-    train,
     zigzag,
 )
 from cpl.quadruped.kinematic import FisheyeCamera, KinematicWorld, Room, WorldConfig
+from cpl.quadruped.training import Run
 from cpl.rng import stream
 
-__all__ = ["POLICIES", "RANGES", "lab", "policy", "predictor", "run_seed", "training_path"]
+__all__ = ["POLICIES", "RANGES", "lab", "policy", "run_seed", "training_path", "training_runs"]
 
 LIGHT = 0.2  # [-]
 RICHNESS = 0.35  # [-]
@@ -74,20 +73,18 @@ def policy(name: str, limits: GainLimits, config: PolicyConfig, net: Predictor) 
     return Policy(GAIN_RULES[name], limits, config, forecast=net)
 
 
-def predictor(rows: pd.DataFrame, seed: int, keypoints: int, config: TrainingConfig) -> Predictor:
-    """Train the predictor on the collected log.
+def training_runs(rows: pd.DataFrame, seed: int, keypoints: int) -> list[Run]:
+    """Return features and labels of each collected trajectory.
 
     Args:
-        rows: The table of `quadruped_collect`.
+        rows: The table of a collection.
         seed: The seed of the collection, which also drew the paths.
         keypoints: Keypoints a path.
-        config: How to train.
     """
-    runs = [
+    return [
         dataset(_records(rows, k), training_path(seed, k, keypoints))
         for k in sorted(set(rows["trajectory"].tolist()))
     ]
-    return train(runs, config, seed)
 
 
 def _records(rows: pd.DataFrame, trajectory: int) -> list[dict[str, Any]]:

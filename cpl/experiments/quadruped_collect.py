@@ -12,10 +12,11 @@ from cpl.experiments._quadruped import EXPOSURE_S, LIGHT, RICHNESS, lab, run_see
 from cpl.experiments._shard import Shard
 from cpl.quadruped import GainLimits, Policy, PolicyConfig, RunConfig, constant_gain, run
 
-__all__ = ["LABEL", "PROFILES", "Config", "run_shard", "shards"]
+__all__ = ["EXTENT", "LABEL", "PROFILES", "Config", "run_shard", "shards"]
 
 LABEL = "simulated-kinematic"
 RTOL = 1e-6
+EXTENT = ("trajectories",)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,16 +8,17 @@ and every policy with the supervisor between it and the robot.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import pandas as pd
 
 from cpl.conformal import RunningMax
-from cpl.experiments import compute
-from cpl.experiments._quadruped import POLICIES, RANGES, lab, policy, predictor, run_seed
+from cpl.experiments import quadruped_predictor
+from cpl.experiments._need import Inputs, Need
+from cpl.experiments._quadruped import POLICIES, RANGES, lab, policy, run_seed
 from cpl.experiments._shard import Shard
 from cpl.experiments.quadruped_collect import PROFILES as COLLECT_PROFILES
+from cpl.experiments.quadruped_predictor import trained
 from cpl.quadruped import (
     SHAPES,
     GainLimits,
@@ -26,13 +27,22 @@ from cpl.quadruped import (
     Predictor,
     RunConfig,
     SupervisorConfig,
-    TrainingConfig,
     run,
     shape,
     summary,
 )
 
-__all__ = ["LABEL", "PROFILES", "Config", "Walk", "run_shard", "shards", "walks"]
+__all__ = [
+    "LABEL",
+    "PROFILES",
+    "Config",
+    "Walk",
+    "run_shard",
+    "shards",
+    "trained_need",
+    "upstream",
+    "walks",
+]
 
 LABEL = "simulated-kinematic"
 RTOL = 1e-6
@@ -106,7 +116,13 @@ def shards(config: Config) -> list[Shard]:
     ]
 
 
-def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
+def upstream(config: Config, shard: Shard) -> list[Need]:
+    """Name what a shard needs: the trained predictor."""
+    del shard  # the same for all
+    return [trained_need(config)]
+
+
+def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     """Run every policy once.
 
     Returns:
@@ -117,7 +133,7 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
         dict(shard.values)
         | {"policy": walk.policy, "supervision": walk.supervision}
         | summary(walk.rows, walk.path, floor_half_width_m=walk.floor_half_width_m)
-        for walk in walks(config, shard)
+        for walk in walks(config, shard, trained(inputs))
     ]
     return pd.DataFrame(rows)
 
@@ -145,9 +161,21 @@ class Walk:
     rows: list[dict[str, Any]]
 
 
-def walks(config: Config, shard: Shard) -> Iterator[Walk]:
+def trained_need(config: Config) -> Need:
+    """Name the predictor that a configuration walks with."""
+    settings = quadruped_predictor.Config(
+        collect=config.collect,
+        positive_weight=config.positive_weight,
+        epochs=config.epochs,
+        seed=config.seed,
+    )
+    return Need(
+        experiment="quadruped_predictor", config=settings, shards=("all",), name="predictor"
+    )
+
+
+def walks(config: Config, shard: Shard, net: Predictor) -> Iterator[Walk]:
     """Walk a shard's runs, one a policy and kind of supervision."""
-    net = _trained(config.collect, config.positive_weight, config.epochs, config.seed)
     data = COLLECT_PROFILES[config.collect]
     world = lab(data.light, data.richness, data.exposure_s, data.room_seed)
     path, (kp_min, kp_max) = shape(shard.text("shape")), RANGES[shard.text("range")]
@@ -168,12 +196,3 @@ def walks(config: Config, shard: Shard) -> Iterator[Walk]:
                 seed=seed,
                 rows=list(log),
             )
-
-
-@lru_cache(maxsize=2)
-def _trained(collect: str, positive_weight: float, epochs: int, seed: int) -> Predictor:
-    """Train on the collected log, which the store keeps; about two seconds."""
-    data = COLLECT_PROFILES[collect]
-    rows = compute("quadruped_collect", collect).table
-    config = TrainingConfig(positive_weight=positive_weight, epochs=epochs)
-    return predictor(rows, data.seed, data.keypoints, config)

@@ -8,11 +8,13 @@ Paper: Section V-C and V-D, there with three repeats.
 
 import pandas as pd
 
+from cpl.experiments._need import Inputs
 from cpl.experiments._shard import Shard
-from cpl.experiments.quadruped_eval import Config, shards, walks
+from cpl.experiments.quadruped_eval import Config, shards, upstream, walks
+from cpl.experiments.quadruped_predictor import trained
 from cpl.quadruped import COLUMNS
 
-__all__ = ["CELL", "LABEL", "PROFILES", "Config", "run_shard", "shards"]
+__all__ = ["CELL", "LABEL", "PROFILES", "Config", "run_shard", "shards", "upstream"]
 
 LABEL = "simulated-kinematic"
 RTOL = 1e-6
@@ -27,7 +29,7 @@ PROFILES = {
 }
 
 
-def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
+def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     """Run every policy once.
 
     Returns:
@@ -35,7 +37,7 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     """
     logs = [
         pd.DataFrame(walk.rows).assign(policy=walk.policy, supervision=walk.supervision)
-        for walk in walks(config, shard)
+        for walk in walks(config, shard, trained(inputs))
     ]
     table = pd.concat(logs, ignore_index=True).assign(**dict(shard.values))
     return table.reindex(columns=[*CELL, *COLUMNS])

@@ -44,7 +44,7 @@ from cpl.quadruped.paths import (
 )
 from cpl.quadruped.permutation import SignFlip, sign_flip
 from cpl.quadruped.policy import Decision, Policy, PolicyConfig
-from cpl.quadruped.predictor import Predictor, load_predictor, save_predictor, unweighted
+from cpl.quadruped.predictor import Predictor, decode_predictor, encode_predictor, unweighted
 from cpl.quadruped.run import COLUMNS, OUTCOMES, RunConfig, run
 from cpl.quadruped.supervisor import (
     Facts,
@@ -90,10 +90,11 @@ __all__ = [
     "corrected_gain",
     "coverage",
     "dataset",
+    "decode_predictor",
+    "encode_predictor",
     "false_positive",
     "hexagon",
     "labels",
-    "load_predictor",
     "nearest_waypoint",
     "no_quantile_gain",
     "paper_gain",
@@ -103,7 +104,6 @@ __all__ = [
     "rectangle",
     "run",
     "saturate",
-    "save_predictor",
     "shape",
     "sign_flip",
     "summary",

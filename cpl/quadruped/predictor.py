@@ -3,26 +3,23 @@
     l_hat = sigmoid(w2 . relu(W1 (x - mean) / std + b1) + b2)
 
 Paper: Section V-B, "a one-layer MLP with 128 neurons and a single output". The activation is not
-stated; ReLU is the ruling (contradiction 11). The file is safetensors beside a JSON with its
-SHA-256: nothing is unpickled.
+stated; ReLU is the ruling (contradiction 11). It is kept as safetensors with a digest of its own:
+nothing is unpickled.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cpl.quadruped.features import FEATURES
-from cpl.store import atomic_write
+from cpl.store import DamagedModelError, decode_model, encode_model
 
-__all__ = ["Predictor", "load_predictor", "save_predictor", "unweighted"]
+__all__ = ["Predictor", "decode_predictor", "encode_predictor", "unweighted"]
 
 _SHAPES = {
     "mean": (len(FEATURES),),
@@ -105,60 +102,41 @@ def unweighted(l_hat: float, weight: float) -> float:
     return l_hat / (l_hat + weight * (1 - l_hat))
 
 
-def save_predictor(predictor: Predictor, stem: Path | str, about: Mapping[str, Any]) -> Path:
-    """Write STEM.safetensors, then STEM.json with its checksum and what the caller says about it.
+def encode_predictor(predictor: Predictor, about: Mapping[str, Any]) -> bytes:
+    """Return the network as one safetensors file, to the last bit.
 
     Args:
         predictor: The weights.
-        stem: The files' path without suffix.
         about: How it was trained: anything JSON can hold.
 
-    Returns:
-        The path of the JSON.
+    >>> net = Predictor(mean=np.zeros(47), std=np.ones(47), w1=np.ones((1, 47)), b1=np.zeros(1),
+    ...                 w2=np.ones(1), b2=np.zeros(()))
+    >>> decode_predictor(encode_predictor(net, {"seed": 3}))[1]
+    {'seed': 3}
     """
-    from safetensors.numpy import save
-
-    stem = Path(stem)
-    payload = save({name: np.array(getattr(predictor, name), order="C") for name in _SHAPES})
-    sidecar = {
-        "sha256": hashlib.sha256(payload).hexdigest(),
-        "features": list(FEATURES),
-        "about": dict(about),
-    }
-    atomic_write(stem.with_suffix(".safetensors"), payload)
-    return atomic_write(stem.with_suffix(".json"), json.dumps(sidecar, indent=2) + "\n")
+    arrays = {name: np.array(getattr(predictor, name), order="C") for name in _SHAPES}
+    return encode_model(arrays, {"about": dict(about), "features": list(FEATURES)})
 
 
-def load_predictor(stem: Path | str) -> tuple[Predictor, dict[str, Any]]:
-    """Read what `save_predictor` wrote and check it.
+def decode_predictor(content: bytes) -> tuple[Predictor, dict[str, Any]]:
+    """Read what `encode_predictor` returned and check it.
 
     Args:
-        stem: The files' path without suffix.
+        content: Its bytes.
 
     Returns:
         The predictor and what was said about it.
 
     Raises:
-        ValueError: The checksum, the features' order or a shape is not as it must be.
+        DamagedModelError: The bytes are not what was written, or not a predictor.
     """
-    from safetensors import SafetensorError
-    from safetensors.numpy import load
-
-    stem = Path(stem)
+    model = decode_model(content)
+    features, about = model.config.get("features"), model.config.get("about")
+    if features != list(FEATURES):
+        raise DamagedModelError(f"features must be {list(FEATURES)}, got {features}")
+    if set(model.arrays) != set(_SHAPES) or not isinstance(about, dict):
+        raise DamagedModelError(f"arrays must be {sorted(_SHAPES)}, got {sorted(model.arrays)}")
     try:
-        sidecar = json.loads(stem.with_suffix(".json").read_text(encoding="utf-8"))
-        sha256, features, about = sidecar["sha256"], sidecar["features"], sidecar["about"]
-    except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
-        raise ValueError(f"stem {stem.name}: its JSON is unusable ({error})") from error
-    payload = stem.with_suffix(".safetensors").read_bytes()
-    if (found := hashlib.sha256(payload).hexdigest()) != sha256:
-        raise ValueError(f"stem {stem.name}: the weights have SHA-256 {found}, not {sha256}")
-    if tuple(features) != FEATURES:
-        raise ValueError(f"stem {stem.name}: its features are {features}, not {list(FEATURES)}")
-    try:
-        tensors = load(payload)
-    except SafetensorError as error:
-        raise ValueError(f"stem {stem.name}: not a safetensors file ({error})") from error
-    if set(tensors) != set(_SHAPES):
-        raise ValueError(f"stem {stem.name}: tensors {sorted(tensors)}, not {sorted(_SHAPES)}")
-    return Predictor(**tensors), about
+        return Predictor(**model.arrays), about
+    except ValueError as error:
+        raise DamagedModelError(f"the model is no predictor: {error}") from error

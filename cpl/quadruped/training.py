@@ -19,7 +19,7 @@ from cpl.quadruped.predictor import Predictor
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["TrainingConfig", "auc", "train"]
+__all__ = ["Run", "TrainingConfig", "auc", "train"]
 
 Run = tuple[NDArray[np.float64], NDArray[np.float64]]
 

@@ -1,12 +1,12 @@
 """The network in numpy, its file, and how it is trained."""
 
-import json
-
 import numpy as np
 import pytest
 
-from cpl.quadruped.predictor import Predictor, load_predictor, save_predictor, unweighted
+from cpl.quadruped.features import FEATURES
+from cpl.quadruped.predictor import Predictor, decode_predictor, encode_predictor, unweighted
 from cpl.quadruped.training import TrainingConfig, auc, train
+from cpl.store import DamagedModelError, encode_model
 
 
 @pytest.fixture
@@ -25,43 +25,40 @@ def test_the_network_by_hand(tiny):
     np.testing.assert_allclose(tiny(x), [0.5, 0.75, 0.0], atol=1e-12)
 
 
-def test_what_is_saved_is_loaded(tiny, tmp_path):
+def test_what_is_encoded_is_decoded_to_the_last_bit(tiny):
     about = {"seed": 3, "runs": 43}
-    save_predictor(tiny, tmp_path / "net", about)
-    loaded, said = load_predictor(tmp_path / "net")
-    assert said == about
+    content = encode_predictor(tiny, about)
+    decoded, said = decode_predictor(content)
+    assert (said, encode_predictor(decoded, about)) == (about, content)
     for name in ("mean", "std", "w1", "b1", "w2", "b2"):
-        np.testing.assert_array_equal(getattr(loaded, name), getattr(tiny, name))
+        np.testing.assert_array_equal(getattr(decoded, name), getattr(tiny, name))
 
 
-def test_a_flipped_bit_is_refused(tiny, tmp_path):
-    save_predictor(tiny, tmp_path / "net", {})
-    file = tmp_path / "net.safetensors"
-    damaged = bytearray(file.read_bytes())
+def test_a_flipped_bit_is_refused(tiny):
+    damaged = bytearray(encode_predictor(tiny, {}))
     damaged[-1] ^= 1
-    file.write_bytes(bytes(damaged))
-    with pytest.raises(ValueError, match="SHA-256"):
-        load_predictor(tmp_path / "net")
+    with pytest.raises(DamagedModelError, match="digest"):
+        decode_predictor(bytes(damaged))
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
-    [("{", "unusable"), ("{}", "unusable"), ("[]", "unusable"), ("\xff", "unusable")],
+    ("arrays", "config", "message"),
+    [
+        ({"w1": np.ones(2)}, {"features": [], "about": {}}, "features must be"),
+        ({"w1": np.ones(2)}, {"features": list(FEATURES), "about": {}}, "arrays must be"),
+        ({"w1": np.ones(2)}, {}, "features must be"),
+    ],
 )
-def test_a_damaged_sidecar_is_refused(tiny, tmp_path, text, message):
-    save_predictor(tiny, tmp_path / "net", {})
-    (tmp_path / "net.json").write_text(text, encoding="latin-1")
-    with pytest.raises(ValueError, match=message):
-        load_predictor(tmp_path / "net")
+def test_another_model_is_refused(arrays, config, message):
+    with pytest.raises(DamagedModelError, match=message):
+        decode_predictor(encode_model(arrays, config))
 
 
-def test_other_features_are_refused(tiny, tmp_path):
-    file = save_predictor(tiny, tmp_path / "net", {})
-    sidecar = json.loads(file.read_text())
-    sidecar["features"].reverse()
-    file.write_text(json.dumps(sidecar))
-    with pytest.raises(ValueError, match="its features are"):
-        load_predictor(tmp_path / "net")
+def test_a_model_with_shapes_of_another_network_is_refused(tiny):
+    arrays = {name: getattr(tiny, name) for name in ("mean", "std", "w1", "b1", "w2", "b2")}
+    content = encode_model(arrays | {"b1": np.zeros(3)}, {"features": list(FEATURES), "about": {}})
+    with pytest.raises(DamagedModelError, match="b1 must have shape"):
+        decode_predictor(content)
 
 
 def test_wrong_shapes_are_refused(tiny):

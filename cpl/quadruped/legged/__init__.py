@@ -1,4 +1,4 @@
-"""Twin B: a legged robot in MuJoCo, walking under a learned gait, with MuJoCo's picture on its head.
+"""Twin B: a legged robot in MuJoCo with a learned gait, and MuJoCo's picture on its head.
 
 Odometry, policy, supervisor and the loop are those of twin A; what differs is the body that shakes
 the camera and who renders what it sees. Needs the extra `legged` and `robot_packages`; its logs are

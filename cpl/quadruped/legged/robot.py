@@ -228,6 +228,4 @@ def _session(network: Path) -> Any:  # noqa: ANN401
         raise ModuleNotFoundError(_INSTALL.format(error.name), name=error.name) from error
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
-    return onnxruntime.InferenceSession(
-        str(network), options, providers=["CPUExecutionProvider"]
-    )
+    return onnxruntime.InferenceSession(str(network), options, providers=["CPUExecutionProvider"])
