@@ -1,0 +1,111 @@
+"""Time: the computer's, which nobody can hurry, and how regular a loop was in it."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+__all__ = ["Clock", "RealClock", "Timing", "histogram", "urgent"]
+
+
+class Clock(Protocol):
+    """Something that says how late it is and lets time pass."""
+
+    def now(self) -> float:
+        """Return the time [s]; only differences mean anything."""
+        ...
+
+    def wait(self, until: float) -> None:
+        """Return when it is that late [s], or at once if it is later."""
+        ...
+
+
+class RealClock:
+    """The monotonic clock: setting the computer's date does not move it."""
+
+    def now(self) -> float:
+        """Return the time [s]."""
+        return time.monotonic()
+
+    def wait(self, until: float) -> None:
+        """Sleep until then."""
+        while (left := until - time.monotonic()) > 0:
+            time.sleep(left)
+
+
+@dataclass(kw_only=True)
+class Timing:
+    """How regular a loop was, and how long its work took.
+
+    Attributes:
+        period_s: What it should take from step to step [s].
+        begun_s: When each step began [s].
+        policy_s: From a step's beginning until its command was sent [s].
+        busy_s: From a step's beginning until its work was done, log and screen included [s].
+    """
+
+    period_s: float
+    begun_s: list[float] = field(default_factory=list[float])
+    policy_s: list[float] = field(default_factory=list[float])
+    busy_s: list[float] = field(default_factory=list[float])
+
+    @property
+    def error_s(self) -> list[float]:
+        """By how much each period was off [s]."""
+        return np.abs(np.diff(self.begun_s) - self.period_s).tolist()
+
+    def told(self) -> dict[str, float]:
+        """Return the numbers that matter [ms]: 99th percentiles and maxima; NaN without steps."""
+        named = {"period_error": self.error_s, "policy": self.policy_s, "loop": self.busy_s}
+        numbers: dict[str, float] = {"steps": len(self.begun_s)}
+        for name, seconds in named.items():
+            known = bool(len(seconds))
+            numbers[f"{name}_p99_ms"] = _ms(np.quantile(seconds, 0.99)) if known else np.nan
+            numbers[f"{name}_max_ms"] = _ms(max(seconds)) if known else np.nan
+        return numbers
+
+
+def histogram(seconds: Sequence[float], edges_ms: Sequence[float], width: int = 40) -> str:
+    """Return a histogram in plain text.
+
+    Args:
+        seconds: What was measured [s].
+        edges_ms: Upper edges of the bins [ms], growing; what is above the last one has its own.
+        width: Of the longest bar [characters].
+
+    >>> print(histogram([0.0004, 0.0006, 0.0007, 0.02], (0.5, 1, 5), width=4))
+       < 0.5 ms       1 ##
+         < 1 ms       2 ####
+         < 5 ms       0
+        >= 5 ms       1 ##
+    """
+    counts = np.bincount(
+        np.searchsorted(edges_ms, 1e3 * np.asarray(seconds), side="right"),
+        minlength=len(edges_ms) + 1,
+    )
+    names = [*(f"< {edge:g} ms" for edge in edges_ms), f">= {edges_ms[-1]:g} ms"]
+    bars = ["#" * int(np.ceil(width * count / max(counts.max(), 1))) for count in counts]
+    lines = zip(names, counts, bars, strict=True)
+    return "\n".join(f"{name:>11}{count:8d} {bar}".rstrip() for name, count, bar in lines)
+
+
+def urgent() -> bool:
+    """Ask the scheduler to run this process before ordinary ones; say whether it agreed.
+
+    Its children stay ordinary. Without the right to ask, everything works, less regularly.
+    """
+    reset = getattr(os, "SCHED_RESET_ON_FORK", 0)
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR | reset, os.sched_param(10))
+    except (AttributeError, PermissionError, OSError):
+        return False
+    return True
+
+
+def _ms(seconds: float) -> float:
+    return round(float(1e3 * seconds), 3)
