@@ -53,7 +53,7 @@ class Config:
 
 
 PROFILES = {
-    "smoke": Config(trajectories=2, keypoints=1, kp=4.0, max_s=4.0),
+    "smoke": Config(trajectories=2, keypoints=1, kp=4.0, max_s=4.0, richness=0.1),
     "book": Config(trajectories=43),
     "paper": Config(trajectories=43),
 }
