@@ -139,7 +139,8 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     table = trained.curve
     for place, (name, value) in enumerate({"kind": kind, "pair": pair, "seed": seed}.items()):
         table.insert(place, name, value)
-    told = {"kind": kind, "pair": pair, "seed": seed, "parameters": plain(config)}
+    how = {name: value for name, value in plain(config).items() if name not in EXTENT}
+    told = {"kind": kind, "pair": pair, "seed": seed, "parameters": how}
     table["model"] = b""
     table.loc[len(table) - 1, "model"] = encode_networks({"q": trained.network}, told)
     return table
