@@ -57,4 +57,5 @@ class Greedy:
         Raises:
             ValueError: if an observation has another size than the network's input.
         """
-        return self.network(np.reshape(obs, (len(obs), -1)))
+        size = int(np.prod(np.shape(obs)[1:]))
+        return self.network(np.reshape(obs, (len(obs), size)))
