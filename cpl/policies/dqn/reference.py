@@ -54,7 +54,7 @@ def make_dqn(config: DQNConfig, task: Task, seed: int, *, kind: type[DQN] = DQN)
     Returns:
         The learner, before its first step.
     """
-    plain = isinstance(task.wrapper, Plain) and len(task.roads) == 1
+    plain = type(task.wrapper) is Plain and len(task.roads) == 1
     model = kind(
         "MlpPolicy",
         HighwayVecEnv(1, task.roads[0]) if plain else TaskVecEnv(task),
