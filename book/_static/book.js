@@ -2,3 +2,25 @@
 if (location.protocol === "file:") {
   DOCUMENTATION_OPTIONS.SHOW_SEARCH_SUMMARY = false;
 }
+
+// On a phone a wide table of sentences is read entry by entry: each cell says which column it is.
+// What is a table for the eye stays one for screen readers.
+document.addEventListener("DOMContentLoaded", () => {
+  for (const table of document.querySelectorAll(".bd-article table")) {
+    const heads = [...table.querySelectorAll("thead th")].map((head) => head.textContent.trim());
+    const rows = [...table.querySelectorAll("tbody tr")];
+    const wordy = rows.some((row) => [...row.cells].some((cell) => cell.textContent.length > 45));
+    if (heads.length < 3 || !wordy || table.querySelector("[rowspan], [colspan]")) continue;
+    table.classList.add("book-entries");
+    table.setAttribute("role", "table");
+    for (const part of table.querySelectorAll("thead, tbody")) part.setAttribute("role", "rowgroup");
+    for (const row of table.rows) row.setAttribute("role", "row");
+    for (const head of table.querySelectorAll("thead th")) head.setAttribute("role", "columnheader");
+    for (const row of rows) {
+      [...row.cells].forEach((cell, k) => {
+        cell.setAttribute("role", cell.tagName === "TH" ? "rowheader" : "cell");
+        cell.dataset.head = heads[k] || "";
+      });
+    }
+  }
+});

@@ -20,6 +20,7 @@ from typing import Any
 import yaml
 
 from cpl.publish.chapters import Chapter
+from cpl.publish.live import live_files
 from cpl.publish.render import render
 from cpl.publish.stage import settings_files, staged_notebook
 
@@ -50,6 +51,10 @@ def standalone(chapter: Chapter, executed: str, record: Mapping[str, Any], root:
             target = stage / path.relative_to(root)
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(path.read_bytes())
+        for name, content in live_files().items() if "{live}" in chapter.text else ():
+            target = stage / "book" / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(content)
         notebook = stage / place.with_suffix(".ipynb")
         notebook.parent.mkdir(parents=True, exist_ok=True)
         text = _with_references(staged_notebook(chapter, executed, record), chapter)

@@ -1,0 +1,11 @@
+"""What live figures are made of: data in classic scripts, and the pictures that stand in for them.
+
+The files are written into the stage of each build, from the package and from published results,
+and never kept in git: there is nothing in them that could go stale.
+"""
+
+from cpl.publish.live._files import live_files
+from cpl.publish.live._script import as_script
+from cpl.publish.live._vectors import tracker_vectors
+
+__all__ = ["as_script", "live_files", "tracker_vectors"]
