@@ -22,11 +22,14 @@ from cpl.stats.fronts import (
 )
 from cpl.stats.multiple import holm
 from cpl.stats.survival import SurvivalCurve, logrank, restricted_mean, survival
+from cpl.stats.tradeoff import Curve, Lead, lead
 
 __all__ = [
     "Band",
+    "Curve",
     "Estimate",
     "LawCheck",
+    "Lead",
     "SurvivalCurve",
     "Weights",
     "at_levels",
@@ -37,6 +40,7 @@ __all__ = [
     "holm",
     "hypervolume",
     "interval",
+    "lead",
     "logrank",
     "mean_interval",
     "p_value",

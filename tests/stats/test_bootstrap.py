@@ -54,28 +54,28 @@ def test_the_variance_of_a_mean_is_the_textbook_one():
 @pytest.mark.parametrize("crossed", [True, False])
 def test_intervals_cover_as_they_say_with_ten_training_seeds(crossed):
     """Truth 0, training and environment effects as large as on the road."""
-    rng, hits, runs = draws(4), 0, 400
+    rng, hits, runs = draws(4), 0, 150
     for _ in range(runs):
         shared = rng.normal(scale=2.0, size=20) if crossed else 0.0
         values = rng.normal(scale=1.5, size=(10, 1)) + shared + rng.normal(scale=4.0, size=(10, 20))
-        weights = hierarchical_weights(10, 20, rng, resamples=300, crossed=crossed)
+        weights = hierarchical_weights(10, 20, rng, resamples=200, crossed=crossed)
         total, drawn = sums(values, weights)
         estimate = interval(float(total) / 200, drawn / 200, groups=10)
         hits += estimate.low <= 0 <= estimate.high
-    assert 0.92 <= hits / runs <= 1.0
+    assert 0.9 <= hits / runs <= 1.0
 
 
 def test_a_band_covers_all_levels_together():
-    rng, all_in, each_in, runs = draws(5), 0, 0, 300
+    rng, all_in, each_in, runs = draws(5), 0, 0, 120
     for _ in range(runs):
         values = rng.normal(size=(10, 1, 6)) + rng.normal(scale=3.0, size=(10, 30, 6))
-        weights = hierarchical_weights(10, 30, rng, resamples=300, crossed=False)
+        weights = hierarchical_weights(10, 30, rng, resamples=200, crossed=False)
         total, drawn = sums(values, weights)
         found = band(total / 300, drawn / 300, groups=10)
         inside = (found.low <= 0) & (found.high >= 0)
         all_in += inside.all()
         each_in += inside.mean()
-    assert 0.92 <= all_in / runs <= each_in / runs <= 1.0
+    assert 0.9 <= all_in / runs <= each_in / runs <= 1.0
 
 
 def test_a_band_over_one_level_is_the_interval():

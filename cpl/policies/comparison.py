@@ -1,0 +1,136 @@
+"""Which of two ways to drive is faster at the same level of safety, over training seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+from cpl.policies.measures import Axes, cube, measure
+from cpl.rng import stream
+from cpl.stats import Curve, Estimate, Lead, Weights, hierarchical_weights, interval, lead, sums
+
+__all__ = ["chosen", "compare", "curve_of", "estimates", "weights_for"]
+
+_RESAMPLES = 2_000
+
+
+def chosen(table: pd.DataFrame, values: Mapping[str, object]) -> pd.DataFrame:
+    """Return the rows in which the named columns have the named values.
+
+    Raises:
+        ValueError: If there is none.
+
+    Examples:
+        >>> len(chosen(pd.DataFrame({"method": ["none", "hau"]}), {"method": "hau"}))
+        1
+    """
+    mask = np.ones(len(table), dtype=np.bool_)
+    for name, value in values.items():
+        mask &= (table[name] == value).to_numpy()
+    if not mask.any():
+        raise ValueError(f"values must be in the table, got {dict(values)!r}")
+    return pd.DataFrame(table.loc[mask])
+
+
+def weights_for(table: pd.DataFrame, *, seed: int = 0) -> Weights:
+    """Draw resamples of the pairs and blocks of a table: the same for all of its curves."""
+    groups, units = (len(np.unique(table[name])) for name in ("pair", "block"))
+    return hierarchical_weights(
+        groups, units, stream(seed, "comparison", groups, units), resamples=_RESAMPLES
+    )
+
+
+def curve_of(table: pd.DataFrame, axes: Axes, weights: Weights) -> Curve:
+    """Return one curve in a plane, more is better on both axes, with its resamples.
+
+    Args:
+        table: Block sums of one curve.
+        axes: The plane.
+        weights: From `weights_for`.
+    """
+    total, drawn = sums(cube(table), weights)
+    # A resample without a crash or a step leaves no measure undefined: every sum below a fraction
+    # line counts steps, episodes or kilometres.
+    return Curve(
+        x=axes.sign * measure(total, axes.safety),
+        y=measure(total, axes.speed),
+        x_drawn=axes.sign * measure(drawn, axes.safety),
+        y_drawn=measure(drawn, axes.speed),
+    )
+
+
+def compare(
+    table: pd.DataFrame,
+    first: Mapping[str, object],
+    second: Mapping[str, object],
+    axes: Axes,
+    *,
+    ends: tuple[Mapping[str, object], ...] = (),
+    count: int = 12,
+    seed: int = 0,
+) -> Lead:
+    """Say how much faster the first way to drive is than the second, at equal safety.
+
+    Pairs of policies and environment seeds are resampled together for both. If one of the two was
+    driven on fewer blocks of environment seeds, the other's surplus is left out.
+
+    Args:
+        table: Block sums with `pair`, `level`, `block`.
+        first: Columns and values that choose the first curve.
+        second: The same for the second.
+        axes: In which plane.
+        ends: The same for points that belong to both curves.
+        count: Number of levels.
+        seed: Of the resamples.
+
+    Returns:
+        The lead; its levels are durations, or negative rates of collisions.
+
+    Raises:
+        ValueError: If a curve is not in the table or the two have no level in common.
+    """
+    parts = [chosen(table, which) for which in (first, second, *ends)]
+    shared = set.intersection(*(set(part["block"]) for part in parts))
+    kept = [part.loc[part["block"].isin(sorted(shared))] for part in parts]
+    weights = weights_for(kept[0], seed=seed)
+    curves = [curve_of(part, axes, weights) for part in kept]
+    return lead(
+        curves[0],
+        curves[1],
+        groups=weights.groups,
+        worst=axes.worst,
+        ends=_joined(curves[2:]),
+        count=count,
+    )
+
+
+def estimates(table: pd.DataFrame, name: str, *, seed: int = 0) -> list[Estimate]:
+    """Estimate a measure at every level of one curve, over training and environment seeds.
+
+    Args:
+        table: Block sums of one curve.
+        name: One of `cpl.policies.measures.MEASURES`.
+        seed: Of the resamples.
+
+    Returns:
+        One estimate a level.
+    """
+    weights = weights_for(table, seed=seed)
+    total, drawn = sums(cube(table), weights)
+    values, resampled = np.atleast_1d(measure(total, name)), measure(drawn, name)
+    columns = resampled.reshape(len(resampled), -1).T
+    return [
+        interval(float(value), column, groups=weights.groups)
+        for value, column in zip(values, columns, strict=True)
+    ]
+
+
+def _joined(curves: list[Curve]) -> Curve | None:
+    if not curves:
+        return None
+    names = ("x", "y", "x_drawn", "y_drawn")
+    return Curve(
+        **{name: np.concatenate([getattr(c, name) for c in curves], axis=-1) for name in names}
+    )
