@@ -25,7 +25,8 @@ class Config:
     """What is walked, and where.
 
     Attributes:
-        trajectories: Training paths; the paper's 43, the same as the kinematic twin's.
+        trajectories: Training paths, the first of the kinematic twin's; the paper's are 43, and
+            MuJoCo's pictures take their time.
         keypoints: Keypoints a path.
         kp: The constant gain [1/s]; the paper's 1.5.
         light: Light level of the hall, 1 = bright [-].
@@ -53,9 +54,9 @@ class Config:
 
 
 PROFILES = {
-    "smoke": Config(trajectories=2, keypoints=1, kp=4.0, max_s=4.0, richness=0.1),
-    "book": Config(trajectories=43),
-    "paper": Config(trajectories=43),
+    "smoke": Config(trajectories=2, keypoints=1, kp=4.0, max_s=4.0, richness=0.25),
+    "book": Config(trajectories=15),
+    "paper": Config(trajectories=15),
 }
 
 

@@ -29,7 +29,7 @@ PROFILES = {
         collect="smoke", policies=("paper",), shapes=("triangle",), repeats=1, epochs=2, max_s=2.0
     ),
     "book": Config(collect="book", policies=("paper", "no_quantile"), repeats=1),
-    "paper": Config(collect="paper", policies=("paper", "no_quantile"), repeats=3),
+    "paper": Config(collect="paper", policies=("paper", "no_quantile"), repeats=2),
 }
 
 
