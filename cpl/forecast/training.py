@@ -7,8 +7,8 @@ only. Weights and batches are drawn from a numpy generator; torch's global state
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 import torch
@@ -16,74 +16,13 @@ from numpy.typing import NDArray
 from torch.nn import functional
 
 from cpl.forecast.errors import NoRolloutsError, TrainingDivergedError
+from cpl.forecast.schedule import Epoch, Fit, Loss, Moments, Schedule
 from cpl.network import MLP
 
-__all__ = ["Epoch", "Fit", "Moments", "Schedule", "fit"]
-
-Loss = Literal["mse", "gaussian", "cross entropy"]
+__all__ = ["fit"]
 
 _RAYS = 1 << 16  # values of a 16-bit draw, which decides whether a unit is dropped
 _CHUNK = 1 << 15  # validation samples at a time
-
-
-@dataclass(frozen=True, kw_only=True)
-class Schedule:
-    """How long and how a network is trained.
-
-    It has converged when the best validation loss of the last `patience` epochs is not at least a
-    share `tolerance` below the best one before them. The weights of the best epoch are kept.
-
-    Attributes:
-        lr: learning rate of Adam, the paper's 0.001, held constant.
-        batch: samples in a step [-].
-        tolerance: relative improvement that counts [-].
-        patience: epochs without one after which training ends [epochs].
-        epochs: most epochs; a network that gets so far has not converged.
-    """
-
-    lr: float = 1e-3
-    batch: int = 512
-    tolerance: float = 0.01
-    patience: int = 3
-    epochs: int
-
-
-class Moments(NamedTuple):
-    """Where the samples are: histories are gathered by place, never copied as a whole.
-
-    Attributes:
-        inputs: all histories, float32 (m, in), usually an overlapping view.
-        targets: what is learned, float32, one for each history, (m,).
-        train: rows to learn from, int64.
-        validation: rows that say when to stop, int64.
-    """
-
-    inputs: NDArray[np.float32]
-    targets: NDArray[np.float32]
-    train: NDArray[np.int64]
-    validation: NDArray[np.int64]
-
-
-class Epoch(NamedTuple):
-    """Losses of one epoch: the mean over its batches, and on the validation rows after it."""
-
-    train: float
-    validation: float
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """A trained network.
-
-    Attributes:
-        network: the weights of the best epoch.
-        curve: losses, an entry an epoch.
-        converged: whether the rule of `Schedule` ended the training.
-    """
-
-    network: MLP
-    curve: tuple[Epoch, ...]
-    converged: bool
 
 
 def fit(
@@ -108,7 +47,7 @@ def fit(
         schedule: when to stop.
         rng: initial weights, order of the samples, dropped units.
         loss: which one.
-        dropout: probability with which each input of a layer is dropped in training [-].
+        dropout: probability with which each hidden unit is dropped in training [-].
 
     Returns:
         The network; with a linear output for "gaussian", else with a sigmoid.
@@ -168,7 +107,7 @@ class _Net:
     ) -> None:
         self.weights: list[torch.Tensor] = []
         self.biases: list[torch.Tensor] = []
-        for inputs, units in zip(sizes[:-1], sizes[1:], strict=True):
+        for inputs, units in pairwise(sizes):
             half = 1 / np.sqrt(inputs)  # what torch.nn.Linear draws from
             self.weights.append(_uniform(rng, half, (inputs, units)))
             self.biases.append(_uniform(rng, half, (units,)))
@@ -187,7 +126,7 @@ class _Net:
         h = torch.from_numpy(inputs)
         last = len(self.weights) - 1
         for i, (w, b) in enumerate(zip(self.weights, self.biases, strict=True)):
-            if self._dropped and rng is not None:
+            if self._dropped and rng is not None and i > 0:
                 h = h * self._mask(rng, tuple(h.shape))
             h = torch.addmm(b, h, w)
             h = h if i == last else torch.relu(h)
