@@ -131,6 +131,10 @@ def main(words: Any = None) -> int:  # noqa: ANN401 - a list of words
             "use Python 3.10 and `pip install pyrealsense2==2.53.1.4623`.\n"
         )
         return 1
+    try:  # before ordinary processes, if that is allowed
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(5))
+    except OSError:
+        sys.stderr.write("bridge: the scheduler gives no priority\n")
     stop = threading.Event()
     for name in (signal.SIGTERM, signal.SIGINT):
         signal.signal(name, lambda *_: stop.set())

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -89,22 +90,31 @@ def histogram(seconds: Sequence[float], edges_ms: Sequence[float], width: int = 
         minlength=len(edges_ms) + 1,
     )
     names = [*(f"< {edge:g} ms" for edge in edges_ms), f">= {edges_ms[-1]:g} ms"]
+    counts = counts[: int(np.flatnonzero(counts).max(initial=0)) + 1]  # no empty tail
     bars = ["#" * int(np.ceil(width * count / max(counts.max(), 1))) for count in counts]
-    lines = zip(names, counts, bars, strict=True)
+    lines = zip(names, counts, bars, strict=False)
     return "\n".join(f"{name:>11}{count:8d} {bar}".rstrip() for name, count, bar in lines)
 
 
-def urgent() -> bool:
-    """Ask the scheduler to run this process before ordinary ones; say whether it agreed.
+@contextmanager
+def urgent(priority: int = 10) -> Iterator[bool]:
+    """Run before ordinary processes for a while, if the scheduler agrees; give whether it does.
 
-    Its children stay ordinary. Without the right to ask, everything works, less regularly.
+    Children stay ordinary. Without the right to ask, everything works, less regularly.
+
+    Args:
+        priority: Among urgent processes; policy and watchdog go before emulators.
     """
-    reset = getattr(os, "SCHED_RESET_ON_FORK", 0)
     try:
-        os.sched_setscheduler(0, os.SCHED_RR | reset, os.sched_param(10))
-    except (AttributeError, PermissionError, OSError):
-        return False
-    return True
+        before = os.sched_getscheduler(0), os.sched_getparam(0)
+        os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+    except (AttributeError, OSError):  # not Linux, or not allowed
+        yield False
+        return
+    try:
+        yield True
+    finally:
+        os.sched_setscheduler(0, *before)
 
 
 def _ms(seconds: float) -> float:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import threading
 import time
-from collections.abc import Callable, Mapping
-from contextlib import closing
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -36,6 +38,7 @@ TRAJECTORIES, REPEATS = 43, 3  # Section V-B, V-D
 RANGES = {"in": (1.2, 1.8), "out": (0.8, 4.0)}  # [1/s] Section V-C
 POLICIES = ("paper", "no_quantile", "corrected", "constant")
 ALPHA, STEP_SHARE = 0.2, 0.1
+SYNC_EVERY_S, NEVER_S = 1.0, 1e9
 
 Watch = Callable[[dict[str, Any]], None]
 
@@ -195,6 +198,7 @@ def perform(
         raise ValueError(f"predictor must be given for policy {plan.policy!r}, not None")
     config, timing = config or GuardConfig(), Timing(period_s=PERIOD_S)
     prepare(robot, plan.course)
+    info = _info(robot, plan, config, about or {})
     path = folder / f"{plan.name}.mcap"
     policy = _policy(plan, predictor)
     run = RunConfig(max_s=plan.max_s)
@@ -203,7 +207,8 @@ def perform(
     rows = errors = 0
     try:
         with (
-            RunWriter(path, _info(robot, plan, config, about or {})) as log,
+            RunWriter(path, info, sync_every_s=NEVER_S) as log,
+            _flushed(path),
             closing(drive(robot, plan.course, policy, config, run, timing)) as steps,
         ):
             for row in steps:
@@ -225,6 +230,25 @@ def perform(
         reasons=reasons,
         timing=timing,
     )
+
+
+@contextmanager
+def _flushed(path: Path) -> Iterator[None]:
+    """Flush a file to the disk each second, beside the loop: a slow disk must not make it late."""
+    over = threading.Event()
+
+    def flush() -> None:
+        with path.open("rb") as file:
+            while not over.wait(SYNC_EVERY_S):
+                os.fsync(file.fileno())
+
+    thread = threading.Thread(target=flush, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 def _policy(plan: Plan, predictor: Predictor | None) -> Policy:

@@ -133,9 +133,9 @@ def main(words: Sequence[str] | None = None) -> int:
     for name in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(name, lambda *_: dog.lease.end(time.monotonic(), "told to end"))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal's Ctrl-C is for the policy
-    urgent()
     try:
-        dog.run()
+        with urgent():
+            dog.run()
     finally:
         for _ in range(10):
             base.send(Mode.STAND)

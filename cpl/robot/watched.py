@@ -20,7 +20,7 @@ from cpl.robot.packets import Order, PacketError, decode_report, encode
 from cpl.robot.ports import LOOPBACK, Address, drain, free_port, receiver
 from cpl.robot.watchdog import GOOD_BYE, NO_ANSWER
 
-__all__ = ["WatchdogConfig", "WatchedBase"]
+__all__ = ["WatchdogConfig", "WatchedBase", "launch_watchdog"]
 
 START_S = 20.0  # [s] for the process to come up; a cold disk is slow
 SILENT_S = 0.25  # [s] without a report
@@ -50,6 +50,35 @@ class WatchdogConfig:
     token: int = 1
     folder: Path | None = None
     rescue: Address | None = None
+
+
+def launch_watchdog(
+    config: WatchdogConfig, listen: Address, stats: Path | None = None
+) -> subprocess.Popen[bytes]:
+    """Start the watchdog on this computer.
+
+    Args:
+        config: Where the robot is.
+        listen: Where it takes orders.
+        stats: Where it writes how regular its stream was.
+
+    Returns:
+        The process, in a session of its own: what a terminal sends to the policy, Ctrl-C or a
+        hang-up, does not reach it.
+    """
+    words = [sys.executable, "-m", "cpl.robot.watchdog", "--token", str(config.token)]
+    words += ["--robot", "{}:{}".format(*config.robot), "--listen", "{}:{}".format(*listen)]
+    words += ["--library", config.library, "--local-port", str(config.local_port)]
+    words += ["--v-max", repr(config.envelope.v_max_mps)]
+    words += ["--yaw-max", repr(config.envelope.yaw_rate_max_radps)]
+    words += [] if stats is None else ["--stats", str(stats)]
+    return subprocess.Popen(
+        words,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
 
 
 class WatchedBase:
@@ -112,6 +141,8 @@ class WatchedBase:
                 self._process.wait(timeout=10)
             except subprocess.TimeoutExpired:
                 self._process.terminate()
+            if self._process.stderr is not None:
+                self._process.stderr.close()
         self._socket.close()
 
     def stats(self) -> dict[str, float]:
@@ -127,21 +158,7 @@ class WatchedBase:
         return None if self._config.folder is None else self._config.folder / "watchdog.json"
 
     def _start(self) -> subprocess.Popen[bytes]:
-        c = self._config
-        words = [sys.executable, "-m", "cpl.robot.watchdog", "--token", str(c.token)]
-        words += ["--robot", "{}:{}".format(*c.robot), "--listen", "{}:{}".format(*self._to)]
-        words += ["--library", c.library, "--local-port", str(c.local_port)]
-        words += ["--v-max", repr(c.envelope.v_max_mps)]
-        words += ["--yaw-max", repr(c.envelope.yaw_rate_max_radps)]
-        words += [] if self._stats is None else ["--stats", str(self._stats)]
-        # A session of its own: what a terminal sends to the policy does not reach it.
-        return subprocess.Popen(
-            words,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            start_new_session=True,
-        )
+        return launch_watchdog(self._config, self._to, self._stats)
 
     def _meet(self) -> None:
         """Order "stand" until a report comes."""

@@ -14,6 +14,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from cpl.robot.clock import urgent
 from cpl.robot.emulator.body import Ideal
 from cpl.robot.emulator.faults import Fault, Faults
 from cpl.robot.emulator.twin import Emulation, rehearsal_world
@@ -57,7 +58,8 @@ def main(words: Sequence[str] | None = None) -> int:
         signal.signal(name, lambda *_: process.stop.set())
     sys.stdout.write("the emulator is there\n")
     sys.stdout.flush()
-    process.run(chosen.life)
+    with urgent(5):  # a robot is a computer of its own
+        process.run(chosen.life)
     return 0
 
 
