@@ -1,6 +1,9 @@
 """Training: equal to Stable-Baselines3, reproducible, honest about bad input, open to wrappers."""
 
+import os
 import random
+import subprocess
+import sys
 import tempfile
 from dataclasses import replace
 
@@ -174,6 +177,34 @@ def test_the_same_seed_gives_the_same_bytes(learner):
     assert same_network(one.network, other.network)
     assert one.curve.equals(other.curve)
     assert not same_network(one.network, another.network)
+
+
+OTHER_PROCESSOR = """
+import hashlib
+from cpl.highway import Config
+from cpl.policies.dqn import DQNConfig, train
+quick = DQNConfig(steps=160, hidden=(32, 16), learning_starts=40, batch_size=16)
+found = train(quick, Config(vehicles_count=6, duration=12.0), seed=4).network
+arrays = found.weights + found.biases
+print(hashlib.sha256(b"".join(a.tobytes() for a in arrays)).hexdigest())
+"""
+
+
+@pytest.mark.oracle
+def test_a_processor_with_shorter_vectors_gives_the_same_bytes(tmp_path):
+    older = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+sse4.2"}
+    said = [
+        subprocess.run(
+            [sys.executable, "-c", OTHER_PROCESSOR],
+            env={**os.environ, **more},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for more in ({}, older | {"NUMBA_CACHE_DIR": str(tmp_path)})
+    ]
+    assert len(said[0].strip()) == 64
+    assert said[0] == said[1]
 
 
 def test_episodes_draw_their_road_when_there_are_several():
