@@ -8,7 +8,8 @@ A chapter is a MyST text notebook, `book/<name>.md`. Its way to the page, one mo
    at hand; if not, `execute` runs the chapter with papermill, whole or not at all;
 3. `provenance` writes down what made the result and puts it at the end of the page;
 4. `stage` lays the executed chapters out, `render` runs Jupyter Book over a stage, `site` does all
-   of it, and `page` makes one chapter into a file that stands alone.
+   of it, and `page` makes one chapter into a file that stands alone;
+5. `course` makes of the same chapters what a teacher needs, and an edition without solutions.
 
 Only `glue` is imported here, because every chapter imports this package and is executed again when
 code that it imports changes; the steps above are imported by the command line, one by one.

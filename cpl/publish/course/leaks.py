@@ -1,0 +1,104 @@
+"""Look for solutions in everything that is handed out.
+
+A solution is found by its words: runs of some consecutive words that stand in the solution and
+nowhere in what students may read. Pages are compared as text, without markup; notebooks, scripts,
+the search index and archives by what is in them. Images and fonts are skipped by their type.
+"""
+
+from __future__ import annotations
+
+import html
+import io
+import re
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from cpl.publish.course.exercises import solution_texts
+from cpl.publish.course.student import stub, student_text
+
+__all__ = ["leaks", "words_of"]
+
+RUN = 6  # consecutive words that nobody writes twice by chance
+MARKS = ("BEGIN SOLUTION", "END SOLUTION", 'class="solution', "{solution")
+
+_PICTURES = {".png", ".svg", ".jpg", ".woff", ".woff2", ".ttf", ".eot", ".ico", ".gif", ".inv"}
+# Code of other packages, and of ours that names the marks.
+_NOT_OURS = ("_static/mathjax/", "_sphinx_design_static/", "_static/styles/", "_static/vendor/")
+
+
+def leaks(folder: Path, pages: Mapping[str, str]) -> list[str]:
+    """List where solutions are found, one line each; empty if nowhere.
+
+    Args:
+        folder: What is handed out.
+        pages: The text of each page of the book, solutions included.
+    """
+    secret = _secrets(pages)
+    found: list[str] = []
+    for name, text in _texts(folder):
+        if any(part in name for part in _NOT_OURS):
+            continue
+        found += [f"{name}: {mark}" for mark in MARKS if mark in text and not _is_code(name)]
+        words = words_of(text)
+        runs = {tuple(words[i : i + RUN]) for i in range(len(words) - RUN + 1)}
+        for run in sorted(runs & secret.keys()):
+            found.append(f"{name}: {secret[run]}: {' '.join(run)}")
+    return found
+
+
+def words_of(text: str) -> list[str]:
+    r"""Return the words of a text, whatever it is marked up with.
+
+    Examples:
+        >>> words_of('<p>A <em>tie</em> is $q_t = s_t$, \\nand &amp; covered.</p>')
+        ['a', 'tie', 'is', 'q', 't', 's', 't', 'and', 'covered']
+    """
+    text = re.sub(r"<[^<>]*>", " ", text)
+    text = html.unescape(text).replace("\\n", " ").replace("\\u00e9", "é")
+    return [word.lower() for word in re.findall(r"[^\W_]+", text)]
+
+
+def _secrets(pages: Mapping[str, str]) -> dict[tuple[str, ...], str]:
+    """Return the runs of words that stand in solutions only, with the label of each solution."""
+    public: set[tuple[str, ...]] = set()
+    for text in pages.values():
+        words = words_of(stub(student_text(text)))
+        public |= {tuple(words[i : i + RUN]) for i in range(len(words) - RUN + 1)}
+    secret: dict[tuple[str, ...], str] = {}
+    for text in pages.values():
+        for label, body in solution_texts(text):
+            words = words_of(_without_stub(body))
+            for i in range(len(words) - RUN + 1):
+                run = tuple(words[i : i + RUN])
+                if run not in public:
+                    secret[run] = label
+    return secret
+
+
+def _without_stub(body: str) -> str:
+    """Return a solution without the lines of a code cell that students have too."""
+    kept = stub(body).splitlines()
+    return "\n".join(line for line in body.splitlines() if line not in kept or not line.strip())
+
+
+def _texts(folder: Path) -> Iterator[tuple[str, str]]:
+    """Yield every text in a folder, archives opened, with its name."""
+    for path in sorted(folder.rglob("*")):
+        if not path.is_file() or path.suffix in _PICTURES:
+            continue
+        name = path.relative_to(folder).as_posix()
+        if path.suffix in {".whl", ".zip"}:
+            yield from _archived(name, path.read_bytes())
+        else:
+            yield name, path.read_bytes().decode("utf-8", errors="replace")
+
+
+def _archived(name: str, content: bytes) -> Iterator[tuple[str, str]]:
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        for member in archive.namelist():
+            yield f"{name}:{member}", archive.read(member).decode("utf-8", errors="replace")
+
+
+def _is_code(name: str) -> bool:
+    return name.endswith((".py", ".css", ".js")) or ".whl:" in name
