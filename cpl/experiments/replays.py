@@ -3,19 +3,24 @@
 The rides that the book's replay shows: each environment seed is driven by every policy, with the
 same forecaster and tracker watching, and the positions of the cars nearby are written down. These
 are pictures of single rides; what holds over many is measured elsewhere.
+
+`rules` drives two rules of thumb and forecasts that nothing changes; `learned` takes the trained
+policies and the forecaster of one pair.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from cpl.conformal import RunningMax
+from cpl.experiments._forecasts import forecaster
+from cpl.experiments._highway import Setup, choose_thresholds, drivers_of, needs, tracking_of
+from cpl.experiments._need import Inputs, Need
 from cpl.experiments._shard import Shard
 from cpl.highway import PAPER, Policy, Replay, record_replay
 from cpl.highway import Config as Road
@@ -25,13 +30,23 @@ from cpl.policies.evaluate import Drivers, Forecast, Tracking, drive
 from cpl.policies.headway import Headway
 from cpl.policies.switch import Chooser, Switch
 
-__all__ = ["LABEL", "PROFILES", "RTOL", "Config", "Team", "record", "run_shard", "shards"]
+__all__ = [
+    "LABEL",
+    "PROFILES",
+    "RTOL",
+    "Config",
+    "Team",
+    "record",
+    "run_shard",
+    "shards",
+    "upstream",
+]
 
 LABEL = "simulated"
 RTOL = 1e-6  # the last bits of the engine's mathematics differ between processors
 
 _BEHIND, _AHEAD = 45.0, 130.0  # [m] cars farther away than this are not written down
-_DRIVERS = ("rules",)
+_DRIVERS = ("rules", "learned")
 _STRIDE = 5  # frames of the simulation between two that are written down
 
 
@@ -40,14 +55,18 @@ class Config:
     """The rides.
 
     Attributes:
-        drivers: `rules`, two rules of thumb and a forecast that nothing changes.
+        drivers: `rules` or `learned`.
+        models: Profile of the experiments that trained what `learned` takes.
+        pair: Which of the trained pairs.
         top_speeds_mps: Upper ends of the speed ranges [m/s].
         low_speed_mps: Lower end of all of them [m/s].
         rides: Rides in each range; the same environment seeds in all of them.
         first_seed: Environment seed of the first ride.
         alpha: Miscoverage that the tracker aims at [-].
         c: Step of the tracker, as a share of the largest score so far [-].
-        q_safe: Where the switch hands over [-].
+        q_safe: Where the switch hands over [-]; 0 chooses it on validation seeds in the widest
+            range, so that the careful policy drives half of the time.
+        validation_rides: How many of those there are.
         horizon: How far the forecast looks [steps].
         hasty_gap_s: Free time ahead that the fast rule of thumb wants [s].
         careful_gap_s: Free time ahead that the careful one wants [s].
@@ -56,6 +75,8 @@ class Config:
     """
 
     drivers: str = "rules"
+    models: str = "paper"
+    pair: int = 0
     top_speeds_mps: tuple[float, ...] = (30.0, 40.0)
     low_speed_mps: float = 20.0
     rides: int
@@ -63,6 +84,7 @@ class Config:
     alpha: float = 0.1
     c: float = 0.1
     q_safe: float = 0.35
+    validation_rides: int = 30
     horizon: int = 3
     hasty_gap_s: float = 0.6
     careful_gap_s: float = 2.0
@@ -84,16 +106,19 @@ class Team:
         drivers: The two base policies.
         choosers: By name of the policy that is recorded: who of the two drives when.
         forecast: What the forecaster says.
+        q_safe: Where the switch among the choosers hands over [-].
     """
 
     drivers: Drivers
     choosers: Mapping[str, Chooser]
     forecast: Forecast
+    q_safe: float
 
 
 PROFILES = {
     "smoke": Config(rides=1, vehicles_count=12, duration_s=8, top_speeds_mps=(40.0,)),
     "book": Config(rides=6),
+    "paper": Config(drivers="learned", rides=6, top_speeds_mps=(30.0, 40.0, 50.0), q_safe=0.0),
 }
 
 
@@ -106,23 +131,24 @@ def shards(config: Config) -> list[Shard]:
     ]
 
 
-def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
+def upstream(config: Config, shard: Shard) -> list[Need]:
+    """Return what a shard is computed from: the trained pair, if learned policies drive."""
+    del shard
+    return needs(_setup(config), config.pair) if config.drivers == "learned" else []
+
+
+def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     """Drive one seed with every policy.
 
     Returns:
-        One row a car and written frame: `top_speed_mps`, `seed`, `policy`, `time_s`, `car` (0 is
-        the ego), `x_m`, `y_m`, `heading_rad`, `speed_mps`, `crashed`; on the ego's rows at a
-        decision also `action`, `l_tilde`, `l_hat` and `q` (NaN without a forecast) and `safe`
-        (whether the careful policy drives, 1 or 0), elsewhere NaN.
+        One row a car and written frame: `top_speed_mps`, `seed`, `policy`, `q_safe`, `time_s`,
+        `car` (0 is the ego), `x_m`, `y_m`, `heading_rad`, `speed_mps`, `crashed`; on the ego's
+        rows at a decision also `action`, `l_tilde`, `l_hat` and `q` (NaN without a forecast) and
+        `safe` (whether the careful policy drives, 1 or 0), elsewhere NaN.
     """
     top, seed = float(shard["top_speed_mps"]), shard.number("seed")
-    road = replace(
-        PAPER,
-        target_speeds=tuple(np.linspace(config.low_speed_mps, top, 3).tolist()),
-        vehicles_count=config.vehicles_count,
-        duration=float(config.duration_s),
-    )
-    team = _TEAMS[config.drivers](config, road)
+    road = _road(config, top)
+    team = _rules(config, road) if config.drivers == "rules" else _learned(config, inputs)
     rides = [
         _table(record(road, seed, team, name, config)).assign(policy=name) for name in team.choosers
     ]
@@ -130,6 +156,7 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     table.insert(0, "top_speed_mps", top)
     table.insert(1, "seed", seed)
     table.insert(2, "policy", table.pop("policy"))
+    table.insert(3, "q_safe", team.q_safe)
     return table
 
 
@@ -155,7 +182,7 @@ def record(road: Road, seed: int, team: Team, policy: str, config: Config) -> Re
         team.choosers[policy],
         [seed],
         forecast=team.forecast,
-        tracking=Tracking(rule=RunningMax(c=config.c), alpha=config.alpha, delay=config.horizon),
+        tracking=_tracking(config),
         horizon=config.horizon,
         n_envs=1,
         record=True,
@@ -206,6 +233,50 @@ def _table(ride: Replay) -> pd.DataFrame:
     return table.loc[(away >= -_BEHIND) & (away <= _AHEAD)].reset_index(drop=True)
 
 
+def _road(config: Config, top_speed_mps: float) -> Road:
+    return replace(
+        PAPER,
+        target_speeds=tuple(np.linspace(config.low_speed_mps, top_speed_mps, 3).tolist()),
+        vehicles_count=config.vehicles_count,
+        duration=float(config.duration_s),
+    )
+
+
+def _tracking(config: Config) -> Tracking:
+    return Tracking(rule=RunningMax(c=config.c), alpha=config.alpha, delay=config.horizon)
+
+
+def _setup(config: Config) -> Setup:
+    return Setup(
+        pairs=config.pair + 1,
+        models=config.models,
+        episodes=1,
+        validation_episodes=config.validation_rides,
+        blocks=1,
+        vehicles_count=config.vehicles_count,
+        duration_s=float(config.duration_s),
+        alpha=config.alpha,
+        share=config.c,
+        delay=config.horizon,
+    )
+
+
+def _choosers(q_safe: float) -> dict[str, Chooser]:
+    return {"speed": Always([False]), "switch": Switch(q_safe), "safe": Always([True])}
+
+
+def _learned(config: Config, inputs: Inputs) -> Team:
+    """Return the trained pair and its forecaster."""
+    drivers = drivers_of(inputs, config.pair)
+    forecast = forecaster(inputs, "conformal", config.pair, calibrated=False)
+    q_safe = config.q_safe
+    if q_safe == 0.0:
+        road, setup = _road(config, max(config.top_speeds_mps)), _setup(config)
+        how = {"forecast": forecast, "tracking": tracking_of(setup)}
+        q_safe = round(float(choose_thresholds(road, drivers, setup, 3, **how)[1]), 3)
+    return Team(drivers=drivers, choosers=_choosers(q_safe), forecast=forecast, q_safe=q_safe)
+
+
 def _rules(config: Config, road: Road) -> Team:
     """Two rules of thumb, and a forecast that nothing changes."""
 
@@ -215,12 +286,9 @@ def _rules(config: Config, road: Road) -> Team:
 
     return Team(
         drivers=Drivers(safe=headway(config.careful_gap_s), speed=headway(config.hasty_gap_s)),
-        choosers={
-            "speed": Always([False]),
-            "switch": Switch(config.q_safe),
-            "safe": Always([True]),
-        },
+        choosers=_choosers(config.q_safe),
         forecast=_unchanged(road),
+        q_safe=config.q_safe,
     )
 
 
@@ -241,6 +309,3 @@ def _metres(obs: NDArray[np.floating], road: Road) -> NDArray[np.float64]:
     far = {name: high for name, (_, high) in road.ranges().items()}
     scales = np.array([1.0 if name == "presence" else far[name] for name in road.features])
     return np.asarray(obs, np.float64) * scales
-
-
-_TEAMS: dict[str, Callable[[Any, Road], Team]] = {"rules": _rules}

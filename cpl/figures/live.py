@@ -1,58 +1,8 @@
-"""Pictures that stand in for live figures, in print and where no script runs."""
+"""What stands in for a live figure that has nothing to show yet."""
 
-from collections.abc import Sequence
+from cpl.figures.style import GREY, WIDTH, Card, drawn
 
-import pandas as pd
-
-from cpl.figures.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    INK,
-    PURPLE,
-    RED,
-    WIDTH,
-    Card,
-    card,
-    drawn,
-)
-
-__all__ = ["fronts", "missing"]
-
-_LOOKS = (
-    (BLUE, "-", "o"),
-    (RED, "--", "s"),
-    (GREEN, ":", "^"),
-    (PURPLE, "-.", "D"),
-    (GREY, "--", "o"),
-    (INK, ":", "s"),
-)
-
-
-@drawn
-def fronts(points: pd.DataFrame, *, methods: Sequence[str]) -> Card:
-    """Draw mean duration against mean speed along the limit of the switch, a curve a method.
-
-    Args:
-        points: One row a method and limit: `words` (the method's name), `q_safe`, `speed` [m/s] and
-            `duration` [s].
-        methods: Names of the methods to draw, in order, at most six.
-    """
-    figure, axes = card()
-    for name, (color, dash, marker) in zip(methods, _LOOKS, strict=False):
-        curve = points.loc[points["words"] == name].sort_values("q_safe")
-        axes.plot(
-            curve["speed"],
-            curve["duration"],
-            color=color,
-            linestyle=dash,
-            marker=marker,
-            markersize=3.5,
-            label=name,
-        )
-    axes.set(xlabel="mean speed [m/s]", ylabel="mean duration of a ride [s]")
-    axes.legend(loc="lower left")
-    return figure
+__all__ = ["missing"]
 
 
 @drawn

@@ -55,11 +55,12 @@
     const outcome = ride.crashed
       ? `crashes after ${kit.number(ride.duration_s)} s`
       : `${kit.number(ride.duration_s)} s without a crash`;
-    const words = `${ride.words}: ${outcome}, ${ride.speed_mps} m/s on average`;
+    const average = `${ride.speed_mps.toFixed(0)} m/s on average`;
+    const words = `${ride.words}: ${outcome}, ${average}`;
     const road = s("svg", { class: "live-chart live-road", role: "img", "aria-label": words });
     const strip = withStrip ? s("svg", { class: "live-chart", role: "img", "aria-label": stripWords(ride, scene) }) : undefined;
-    const head = h("p", { class: "live-ride-head" }, h("strong", {}, ride.words), h("span", { class: ride.crashed ? "live-bad" : "live-good" }, `${ride.crashed ? "✕" : "✓"} ${outcome}, ${ride.speed_mps} m/s on average`), now);
-    const root = h("div", { class: "live-ride" }, head, road, strip);
+    const head = h("p", { class: "live-ride-head" }, h("strong", {}, ride.words), h("span", { class: ride.crashed ? "live-bad" : "live-good" }, `${ride.crashed ? "✕" : "✓"} ${outcome}, ${average}`), now);
+    const root = h("div", { class: "live-ride" }, head, road, strip, strip && key(scene));
     let paint = null;
     let cursor = null;
     return {
@@ -79,6 +80,13 @@
         root.classList.toggle("live-over", over && ride.crashed);
       },
     };
+  }
+
+  // What the lines of the strip are.
+  function key({ q_safe }) {
+    const sample = (kind, words) => h("span", {}, s("svg", { class: "live-chart live-sample", width: 20, height: 10, "aria-hidden": "true" }, s("line", { class: kind, x1: 0, x2: 20, y1: 5, y2: 5 })), ` ${words}`);
+    const bar = h("span", {}, s("svg", { class: "live-chart live-sample", width: 20, height: 10, "aria-hidden": "true" }, s("rect", { class: "careful", y: 1, width: 20, height: 8 })), " the careful policy drives");
+    return h("p", { class: "live-key" }, sample("forecast", "forecast"), sample("quantile", "forecast + q"), sample("bound", `limit ${q_safe}`), bar);
   }
 
   function stripWords(ride, { q_safe }) {
@@ -127,7 +135,7 @@
   function drawStrip(svg, ride, { q_safe }, width, end) {
     const finite = ride.q.map((q, k) => (q === null ? 0 : q + ride.l_hat[k]));
     const top = Math.max(1, ...finite) * 1.05;
-    const axes = kit.axes(svg, { width, height: 118, x: [0, end], y: [-0.16, top], xLabel: width < 500 ? "" : "time [s]", yLabel: "proximity", yTicks: [0, 0.5, 1] });
+    const axes = kit.axes(svg, { width, height: 112, x: [0, end], y: [-0.16, top], xLabel: "time [s]", yLabel: "proximity", yTicks: [0, 0.5, 1] });
     const { X, Y } = axes;
     const known = ride.q.map((q, k) => [k, ride.l_hat[k], q]).filter(([, , q]) => q !== null);
     const stairs = (value) => known.flatMap(([k, l, q]) => [[X(k), Y(value(l, q))], [X(k + 1), Y(value(l, q))]]);
@@ -142,12 +150,6 @@
     ride.safe.forEach((safe, k) => {
       if (safe) parts.push(s("rect", { class: "careful", x: X(k), y: Y(-0.03), width: X(k + 1) - X(k) + 0.5, height: Y(-0.13) - Y(-0.03) }));
     });
-    const under = axes.bottom + 30; // the line below the axis
-    const sample = (x, kind) => s("line", { class: kind, x1: x, x2: x + 18, y1: under - 4, y2: under - 4 });
-    parts.push(sample(axes.left, "forecast"), kit.note(axes.left + 22, under, "forecast", "grey"));
-    parts.push(sample(axes.left + 80, "quantile"), kit.note(axes.left + 102, under, "+ q", "blue"));
-    parts.push(sample(axes.left + 132, "bound"), kit.note(axes.left + 154, under, `limit ${q_safe}`, "ink"));
-    parts.push(s("rect", { class: "careful", x: axes.left + 218, y: under - 8, width: 14, height: 7 }), kit.note(axes.left + 236, under, "careful", "green"));
     const cursor = s("line", { class: "cursor", x1: 0, x2: 0, y1: axes.top, y2: axes.bottom });
     svg.replaceChildren(...parts, cursor);
     return (t) => cursor.setAttribute("transform", `translate(${X(t).toFixed(1)} 0)`);

@@ -26,10 +26,16 @@ _WORDS = {
         "switch": "the switch between them",
         "safe": "careful rule of thumb",
     },
+    "learned": {
+        "speed": "fast policy",
+        "switch": "switch",
+        "safe": "careful policy",
+    },
 }
 _NOTES = {
     "rules": "Simulated with two rules of thumb as drivers and the forecast that nothing changes;"
     " nothing here is learned.",
+    "learned": "Simulated; policies and forecaster are those of one training seed.",
 }
 
 
@@ -73,7 +79,7 @@ def scenes(table: pd.DataFrame, config: Config) -> list[dict[str, Any]]:
                 "low": config.low_speed_mps,
                 "top": float(top),
                 "seed": int(seed),
-                "q_safe": config.q_safe,
+                "q_safe": float(rides["q_safe"].iloc[0]),
                 "rides": packed,
             }
         )

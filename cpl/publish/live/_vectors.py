@@ -158,7 +158,7 @@ _RULES: tuple[tuple[Rule, float], ...] = (
     (TrailingMax(c=0.2, window=5), _EXACT),
     (TrailingRange(lr=0.2, window=10), _EXACT),
     (Decaying(c=0.5, power=0.6), _ROUNDED),
-    (PI(Fixed(eta=0.05), K_I=0.2, C_sat=0.5), _ROUNDED),
-    (PI(Fixed(eta=0.05), K_I=0.2, C_sat=0.5, lag=0), _ROUNDED),
+    (PI(Fixed(eta=0.05), K_I=0.2, C_sat=0.15), _ROUNDED),
+    (PI(Fixed(eta=0.05), K_I=0.2, C_sat=0.15, lag=0), _ROUNDED),
 )
 _WAYS = ((0.1, 1, 0.0), (0.1, 3, 0.25), (0.31, 2, 0.0))

@@ -1,0 +1,166 @@
+"""Live figures: the tracker of the pages is the package's, packed rides are the recorded ones."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cpl.experiments import published, replays
+from cpl.policies.measures import SUMS
+from cpl.publish.live import as_script, live_files, tracker_vectors
+from cpl.publish.live._pareto import points
+from cpl.publish.live._rides import FRAMES_PER_SECOND, opening_moments, ride_scripts, scenes
+from cpl.store import project_root
+
+STATIC = project_root() / "book" / "_static" / "live"
+
+
+@pytest.fixture(scope="module")
+def rides():
+    return published("replays", "book")
+
+
+def value_of(script: str) -> object:
+    """Return what a data script puts where figures look for it."""
+    return json.loads(re.search(r"\] = (.*?);$", script, re.MULTILINE)[1])
+
+
+def node(*words: str) -> str:
+    """Run Node, the one that comes with pyright or the system's."""
+    path = shutil.which("node") or str(Path(sys.executable).with_name("node"))
+    done = subprocess.run([path, *words], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_tracker_of_the_pages_gives_the_numbers_of_the_package(tmp_path):
+    (tmp_path / "vectors.json").write_text(json.dumps(tracker_vectors(), allow_nan=False))
+    code = (
+        f"const t = require({json.dumps(str(STATIC / 'tracker.js'))});"
+        f"const v = require({json.dumps(str(tmp_path / 'vectors.json'))});"
+        "console.log(JSON.stringify(t.compare(v)))"
+    )
+    assert json.loads(node("-e", code)) == []
+
+
+def test_a_tracker_that_rounds_otherwise_is_noticed(tmp_path):
+    vectors = tracker_vectors()
+    vectors["tracks"][0]["q"][7] += 1e-15
+    vectors["exact"][1]["err"][3] ^= 1
+    vectors["bounds"][2]["most"] += 1
+    (tmp_path / "vectors.json").write_text(json.dumps(vectors))
+    code = (
+        f"const t = require({json.dumps(str(STATIC / 'tracker.js'))});"
+        f"const v = require({json.dumps(str(tmp_path / 'vectors.json'))});"
+        "console.log(t.compare(v).length)"
+    )
+    assert int(node("-e", code)) == 3
+
+
+def test_vectors_have_late_feedback_ties_and_infinite_thresholds():
+    vectors = tracker_vectors()
+    assert {v["delay"] for v in vectors["tracks"]} == {1, 2, 3}
+    assert any("Infinity" in v["q"] for v in vectors["tracks"])
+    assert any(s == q for v in vectors["exact"] for s, q in zip(v["scores"], v["q"], strict=True))
+
+
+def test_a_script_refuses_what_json_cannot_say():
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        as_script("answer", float("nan"))
+
+
+def test_packed_rides_are_the_recorded_ones(rides):
+    packed = scenes(rides.table, rides.config)
+    scene = packed[-1]
+    ride = next(one for one in scene["rides"] if one["policy"] == "switch")
+    here = rides.table.query(
+        "top_speed_mps == @scene['top'] and seed == @scene['seed'] and policy == 'switch'"
+    )
+    ego = here.query("car == 0").sort_values("time_s")
+    np.testing.assert_allclose(np.cumsum(ride["ego"]["x"]) / 10, ego["x_m"], atol=0.0501)
+    np.testing.assert_allclose(np.cumsum(ride["ego"]["y"]) / 10, ego["y_m"], atol=0.0501)
+    assert ride["crashed"] == bool(ego["crashed"].any())
+    frames = sum(len(x) for _, x, _, _ in ride["cars"])
+    assert frames == len(here) - len(ego)
+    decided = ego.dropna(subset="action")
+    assert ride["safe"] == decided["safe"].astype(int).tolist()
+    assert ride["duration_s"] * FRAMES_PER_SECOND == ride["frames"] - 1
+
+
+def test_a_page_loads_one_scene_and_finds_the_others_one_by_one(rides):
+    scripts = ride_scripts(rides.table, rides.config)
+    index = value_of(scripts["rides.js"])
+    assert len(scripts) == 1 + len(index["scenes"])
+    assert f'["ride-{index["opening"]}"]' in scripts["rides.js"]
+    assert max(map(len, scripts.values())) < 250_000
+
+
+def test_the_opening_scene_is_picked_by_a_rule(rides):
+    index = value_of(ride_scripts(rides.table, rides.config)["rides.js"])
+    widest = [s for s in index["scenes"] if s["top"] == max(s["top"] for s in index["scenes"])]
+    outcome = {s["key"]: {r["policy"]: r["crashed"] for r in s["rides"]} for s in widest}
+    fits = [key for key, o in outcome.items() if o["speed"] and not o["switch"]]
+    assert index["opening"] == (fits[0] if fits else widest[0]["key"])
+    moments = opening_moments(rides.table, rides.config)
+    assert len(moments) == 2
+    assert all((frame["vehicle"] == 0).sum() == 1 for frame in moments.values())
+
+
+def test_every_policy_meets_the_same_traffic_at_the_start(rides):
+    start = rides.table.query("time_s == 0")
+    for _, cars in start.groupby(["top_speed_mps", "seed"]):
+        first, *others = (one.drop(columns=NOT_TRAFFIC) for _, one in cars.groupby("policy"))
+        for other in others:
+            pd.testing.assert_frame_equal(
+                first.reset_index(drop=True), other.reset_index(drop=True)
+            )
+
+
+NOT_TRAFFIC = ["policy", "action", "l_tilde", "l_hat", "q", "safe"]
+
+
+def test_a_ride_is_recorded_the_same_way_twice():
+    config = replays.PROFILES["smoke"]
+    (shard,) = replays.shards(config)
+    once, twice = (replays.run_shard(config, shard, {}) for _ in range(2))
+    pd.testing.assert_frame_equal(once, twice)
+    assert set(once["policy"]) == {"speed", "switch", "safe"}
+    ends = once.query("car == 0").groupby("policy")["time_s"].max()
+    assert (ends <= config.duration_s).all()
+
+
+def test_points_of_the_explorer_are_means_with_intervals():
+    rng = np.random.default_rng(0)
+    rows = []
+    for pair in range(3):
+        for level in range(4):
+            for block in range(5):
+                sums = dict.fromkeys(SUMS, 0.0) | {
+                    "episodes": 20,
+                    "steps": 20 * (40 - 5 * level),
+                    "crashes": level,
+                    "episode_speed_sum": 20 * (22 + level) + rng.normal(),
+                    "distance_km": 10.0,
+                }
+                where = {"top_mps": 40.0, "pair": pair, "method": "none", "calibrated": False}
+                rows.append({**where, "level": level, "value": level / 10, "block": block, **sums})
+    found = points(pd.DataFrame(rows))
+    assert [p["q_safe"] for p in found] == [0.0, 0.1, 0.2, 0.3]
+    assert [p["duration"][0] for p in found] == [40.0, 35.0, 30.0, 25.0]
+    assert [p["collisions"][0] for p in found] == [0.0, 0.1, 0.2, 0.3]
+    assert all(low <= value <= high for value, low, high in (p["speed"] for p in found))
+
+
+def test_each_live_figure_has_its_data_and_its_picture():
+    files = live_files()
+    for name in ("data/rides.js", "data/pareto.js", "data/ledger.json"):
+        assert f"_static/live/{name}" in files
+    for name in ("tracker", "road", "pareto"):
+        assert files[f"_static/live/{name}.svg"].lstrip().startswith(b"<?xml")
+    assert sum(map(len, files.values())) < 4e6
