@@ -17,12 +17,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from cpl.logs.bag_salvage import BAG_MAGIC, BagSalvage, salvage_bag
 from cpl.logs.checks import Sieve
 from cpl.logs.codec import NS
 from cpl.logs.errors import (
     DamagedLogError,
     DuplicateChannelError,
     EmptyLogError,
+    Fault,
     FrameError,
     LogError,
     MissingChannelError,
@@ -30,8 +32,9 @@ from cpl.logs.errors import (
     RangeError,
 )
 from cpl.logs.info import RunInfo
-from cpl.logs.reader import finished
+from cpl.logs.reader import content, finished
 from cpl.logs.run import Run
+from cpl.logs.salvage import Damage
 from cpl.logs.schema import CHANNELS, PROVENANCES
 
 __all__ = ["confidence_of", "read_bag"]
@@ -99,14 +102,50 @@ def read_bag(
     Raises:
         LogError: One of its kinds.
     """
+    ask = (topic, provenance, linear_accel_cov)
     try:
         with _opened(path) as bag:
-            chosen = _topic(bag, topic, path)
-            return _read(bag, chosen, path, provenance, linear_accel_cov)
+            run = _read(bag, path, *ask)
     except (LogError, FileNotFoundError, PermissionError):
         raise
     except Exception as error:  # what the bag library and its parsers raise on damage has no end
         what = f"the bag cannot be read ({type(error).__name__}: {error})"
+        if not _is_ros_1(path):
+            raise DamagedLogError(what, path=path) from error
+        return _salvaged(path, what, *ask)
+    if any(fault.error is DamagedLogError for fault in run.recovery.faults) and _is_ros_1(path):
+        return _salvaged(path, "the bag cannot be read to its end", *ask)
+    return run
+
+
+def _is_ros_1(path: Path) -> bool:
+    """Tell whether a file begins as a ROS 1 bag, of which chunks can be looked for."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(BAG_MAGIC)) == BAG_MAGIC
+
+
+def _salvaged(
+    path: Path,
+    why: str,
+    topic: str | None,
+    provenance: str | None,
+    linear_accel_cov: float | None,
+) -> Run:
+    """Read a ROS 1 bag chunk by chunk, after the ordinary reader gave up on it."""
+    bag = salvage_bag(content(path))
+    if not bag.damages:  # then it is the index that the ordinary reader stumbled over
+        bag.damages.append(Damage(at=0, size=0, what=why))
+    if not bag.connections:
+        causes = "; ".join(each.what for each in bag.damages)
+        raise DamagedLogError(f"{why}, and no topic is left: {causes}", path=path)
+    try:
+        return _read(bag, path, topic, provenance, linear_accel_cov)
+    except LogError:
+        raise
+    except Exception as error:  # as in read_bag
+        what = f"what is left of the bag cannot be read ({type(error).__name__}: {error})"
         raise DamagedLogError(what, path=path) from error
 
 
@@ -137,12 +176,19 @@ def _topic(bag: Any, asked: str | None, path: Path) -> str:  # noqa: ANN401
 
 def _read(
     bag: Any,  # noqa: ANN401
-    topic: str,
     path: Path,
+    asked: str | None,
     provenance: str | None,
     linear_accel_cov: float | None,
 ) -> Run:
-    sieve = Sieve()
+    topic = _topic(bag, asked, path)
+    damages: list[Damage] = getattr(bag, "damages", [])
+    sieve = Sieve(
+        faults=[
+            Fault(error=DamagedLogError, where=f"byte {each.at}", what=f"{each.what}{_lost(each)}")
+            for each in damages
+        ]
+    )
     messages = list(_messages(bag, topic, sieve))
     if not messages:
         causes = "; ".join(map(str, sieve.faults))
@@ -183,8 +229,27 @@ def _read(
         },
     )
     topics = tuple(each.topic for each in CHANNELS if set(each.columns) <= have)
-    size = sum(each.stat().st_size for each in _files(path))
-    return finished(sieve, info, path, notes, size=size, topics=topics, written=len(messages))
+    return finished(
+        sieve,
+        info,
+        path,
+        notes,
+        size=sum(each.stat().st_size for each in _files(path)),
+        topics=topics,
+        written=_written(bag, topic) if damages else len(messages),
+        lost=sum(each.size for each in damages),
+    )
+
+
+def _lost(damage: Damage) -> str:
+    return f" ({damage.size} bytes dropped)" if damage.size else ""
+
+
+def _written(bag: BagSalvage, topic: str) -> int | None:
+    """Return how many messages of a topic a damaged bag says it had; None if it does not say."""
+    counts = [bag.expected.get(each.id) for each in bag.connections if each.topic == topic]
+    known = [count for count in counts if count is not None]
+    return sum(known) if known and len(known) == len(counts) else None
 
 
 def _frames(first: Any, path: Path) -> tuple[str, str]:  # noqa: ANN401

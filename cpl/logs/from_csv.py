@@ -70,6 +70,7 @@ def read_csv(path: Path, *, provenance: str | None = None, axes: str | None = No
     if first >= len(lines):
         raise MissingChannelError("has no header line", path=path)
     columns = _header(lines[first], path, notes)
+    width = len(next(csv.reader([lines[first]])))
     planar = "yaw_rad" in columns and not any(name in columns for name in ("z_m", *_QUATERNION))
     _needed(columns, planar, path)
     if planar:
@@ -79,6 +80,9 @@ def read_csv(path: Path, *, provenance: str | None = None, axes: str | None = No
     for line, cells in _cells(lines[first + 1 :], first + 2):
         where, rows = f"line {line}", rows + 1
         try:
+            if len(cells) > width and any(cells[width:]):  # a decimal comma is a cell too many
+                what = f"has {len(cells)} cells, the header has {width}"
+                raise _BadCellError(SchemaError, what)
             row, start = _row(cells, columns, start, planar)
             number = int(row.pop("row", rows - 1))
             if sieve.numbers and number <= sieve.numbers[-1]:
@@ -202,8 +206,8 @@ def _row(
 
 def _decimal(text: str, name: str) -> Decimal:
     try:
-        value = Decimal(text.strip())
-    except InvalidOperation as error:
+        value = Decimal(_plain(text))
+    except (InvalidOperation, ValueError) as error:
         raise _BadCellError(SchemaError, f"{name} must be a number, got {text!r}") from error
     if not value.is_finite() or abs(value) > Decimal(10) ** 20:
         raise _BadCellError(NotFiniteError, f"{name} must be finite, got {text!r}")
@@ -212,10 +216,17 @@ def _decimal(text: str, name: str) -> Decimal:
 
 def _number(text: str, name: str, scale: float) -> float:
     try:
-        value = float(text)
+        value = float(_plain(text))
     except ValueError as error:
         raise _BadCellError(SchemaError, f"{name} must be a number, got {text!r}") from error
     return value if scale == 1 else value * scale
+
+
+def _plain(text: str) -> str:
+    """Refuse what only Python takes for a number: 1_000."""
+    if "_" in text:
+        raise ValueError(text)
+    return text.strip()
 
 
 def _turned(row: dict[str, Any], path: Path) -> dict[str, Any]:
