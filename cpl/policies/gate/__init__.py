@@ -1,0 +1,33 @@
+"""A look-ahead that lets actions pass, and the margin that it asks for."""
+
+from cpl.policies.gate.config import ERRORS, FORECASTS, GateConfig
+from cpl.policies.gate.gate import Gate, Sight, gated
+from cpl.policies.gate.margins import (
+    Adaptive,
+    Averaged,
+    Constant,
+    Decision,
+    Margin,
+    Outcome,
+    Recorded,
+    Stacked,
+    Tracked,
+)
+
+__all__ = [
+    "ERRORS",
+    "FORECASTS",
+    "Adaptive",
+    "Averaged",
+    "Constant",
+    "Decision",
+    "Gate",
+    "GateConfig",
+    "Margin",
+    "Outcome",
+    "Recorded",
+    "Sight",
+    "Stacked",
+    "Tracked",
+    "gated",
+]
