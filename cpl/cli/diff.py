@@ -78,9 +78,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _run(folder: Path) -> _Run:
     """Read a run from its folder, checked against its own digest."""
-    import hashlib
-    import json
-
+    from cpl.publish import cache
     from cpl.publish.numbers import quoted
 
     records = sorted(folder.glob("*.json")) if folder.is_dir() else []
@@ -90,12 +88,18 @@ def _run(folder: Path) -> _Run:
             f"{folder} must be the folder of one run of a chapter, found {len(records)} runs in it"
         )
         raise ValueError(msg)
-    told = json.loads(records[0].read_text(encoding="utf-8"))
-    notebook = records[0].with_suffix(".ipynb").read_text(encoding="utf-8")
-    if hashlib.sha256(notebook.encode()).hexdigest() != told["notebook_sha256"]:
-        msg = f"{records[0].stem}.ipynb does not agree with the SHA-256 beside it"
+    found = cache.load(folder, records[0].stem, _key(records[0]))
+    if found is None:
+        msg = f"the run in {folder} was damaged: its files do not agree with their digests"
         raise ValueError(msg)
+    notebook, told = found
     return _Run(told["chapter"], told["parameters"], quoted(notebook), str(folder))
+
+
+def _key(record: Path) -> str:
+    import json
+
+    return str(json.loads(record.read_text(encoding="utf-8"))["key"])
 
 
 def _published(chapter: str) -> _Run:

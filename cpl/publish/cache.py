@@ -20,7 +20,7 @@ from typing import Any
 
 from cpl.publish.chapters import Chapter
 from cpl.publish.parameters import Value
-from cpl.store import atomic_write, cpl_imports, fingerprint, import_closure
+from cpl.store import atomic_write, canonical_json, cpl_imports, fingerprint, import_closure
 
 __all__ = ["basis", "key_of", "load", "save", "versions"]
 
@@ -59,6 +59,7 @@ def key_of(basis: Mapping[str, Any]) -> str:
 def save(folder: Path, name: str, notebook: str, provenance: Mapping[str, Any]) -> None:
     """Keep an execution: the notebook first, then the record that makes it valid."""
     record = {**provenance, "notebook_sha256": hashlib.sha256(notebook.encode()).hexdigest()}
+    record["seal"] = _seal(record)
     atomic_write(folder / f"{name}.ipynb", notebook)
     atomic_write(folder / f"{name}.json", json.dumps(record, indent=2, sort_keys=True) + "\n")
 
@@ -72,8 +73,14 @@ def load(folder: Path, name: str, key: str) -> tuple[str, dict[str, Any]] | None
         return None
     if not isinstance(record, dict) or record.get("key") != key:
         return None
+    if record.pop("seal", None) != _seal(record):  # a flipped bit in what the footer will say
+        return None
     same = record.get("notebook_sha256") == hashlib.sha256(notebook.encode()).hexdigest()
     return (notebook, record) if same else None
+
+
+def _seal(record: Mapping[str, Any]) -> str:
+    return hashlib.sha256(canonical_json(record).encode()).hexdigest()
 
 
 @lru_cache(maxsize=1)
