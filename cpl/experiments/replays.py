@@ -137,7 +137,7 @@ def upstream(config: Config, shard: Shard) -> list[Need]:
     return needs(_setup(config), config.pair) if config.drivers == "learned" else []
 
 
-def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
+def run_shard(config: Config, shard: Shard, inputs: Inputs | None = None) -> pd.DataFrame:
     """Drive one seed with every policy.
 
     Returns:
@@ -148,7 +148,7 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     """
     top, seed = float(shard["top_speed_mps"]), shard.number("seed")
     road = _road(config, top)
-    team = _rules(config, road) if config.drivers == "rules" else _learned(config, inputs)
+    team = _rules(config, road) if config.drivers == "rules" else _learned(config, inputs or {})
     rides = [
         _table(record(road, seed, team, name, config)).assign(policy=name) for name in team.choosers
     ]

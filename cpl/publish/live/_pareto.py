@@ -114,6 +114,6 @@ def _picture(table: pd.DataFrame) -> str:
     curves = {
         name: measures.loc[measures["method"] == name].sort_values("level")
         for name in _WORDS
-        if (measures["method"] == name).any()
+        if name in set(measures["method"].tolist())
     }
     return fronts(curves, [("duration_s", "episode_speed_mps")]).svg()

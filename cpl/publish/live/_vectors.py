@@ -73,8 +73,9 @@ def _tracks() -> Iterator[dict[str, Any]]:
 def _exact() -> Iterator[dict[str, Any]]:
     rng = stream(1, "live", "exact")
     for alpha, eta, delay in ((0.1, 0.1, 1), (0.25, 0.5, 1), (0.01, 1.0, 4), (0.37, 0.07, 3)):
-        # Thresholds are multiples of alpha eta: scores of two places meet them, and tie.
-        scores = [round(float(s), 2) for s in rng.uniform(0, 1, 80)]
+        # Thresholds are multiples of alpha eta: so are these scores, and some tie.
+        unit = alpha * eta
+        scores = [round(round(float(s) / unit) * unit, 6) for s in rng.uniform(0, 1, 80)]
         path = reference.follow(scores, alpha=alpha, eta=eta, delay=delay)
         yield {
             "alpha": alpha,
