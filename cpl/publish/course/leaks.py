@@ -40,10 +40,8 @@ def leaks(folder: Path, pages: Mapping[str, str]) -> list[str]:
         if any(part in name for part in _NOT_OURS):
             continue
         found += [f"{name}: {mark}" for mark in MARKS if mark in text and not _is_code(name)]
-        words = words_of(text)
-        runs = {tuple(words[i : i + RUN]) for i in range(len(words) - RUN + 1)}
-        for run in sorted(runs & secret.keys()):
-            found.append(f"{name}: {secret[run]}: {' '.join(run)}")
+        said = sorted(_runs(text) & secret.keys())
+        found += [f"{name}: {secret[run]}: {' '.join(run)}" for run in said]
     return found
 
 
@@ -61,25 +59,19 @@ def words_of(text: str) -> list[str]:
 
 def _secrets(pages: Mapping[str, str]) -> dict[tuple[str, ...], str]:
     """Return the runs of words that stand in solutions only, with the label of each solution."""
+    solutions = [found for text in pages.values() for found in solution_texts(text)]
     public: set[tuple[str, ...]] = set()
     for text in pages.values():
-        words = words_of(stub(student_text(text)))
-        public |= {tuple(words[i : i + RUN]) for i in range(len(words) - RUN + 1)}
-    secret: dict[tuple[str, ...], str] = {}
-    for text in pages.values():
-        for label, body in solution_texts(text):
-            words = words_of(_without_stub(body))
-            for i in range(len(words) - RUN + 1):
-                run = tuple(words[i : i + RUN])
-                if run not in public:
-                    secret[run] = label
-    return secret
+        public |= _runs(student_text(text))
+    for _, body in solutions:  # students have the code of an answer but for what is marked in it
+        for cell in _CELL.finditer(body):
+            public |= _runs(stub(cell["code"]))
+    return {run: label for label, body in solutions for run in _runs(body) - public}
 
 
-def _without_stub(body: str) -> str:
-    """Return a solution without the lines of a code cell that students have too."""
-    kept = stub(body).splitlines()
-    return "\n".join(line for line in body.splitlines() if line not in kept or not line.strip())
+def _runs(text: str) -> set[tuple[str, ...]]:
+    words = words_of(text)
+    return {tuple(words[i : i + RUN]) for i in range(len(words) - RUN + 1)}
 
 
 def _texts(folder: Path) -> Iterator[tuple[str, str]]:
@@ -102,3 +94,8 @@ def _archived(name: str, content: bytes) -> Iterator[tuple[str, str]]:
 
 def _is_code(name: str) -> bool:
     return name.endswith((".py", ".css", ".js")) or ".whl:" in name
+
+
+_CELL = re.compile(
+    r"^(?P<fence>`{3,})\{code-cell\}[^\n]*\n(?P<code>.*?)^(?P=fence)[ \t]*$", re.S | re.M
+)
