@@ -1,6 +1,6 @@
-# The project's ten commands. Each one sets up what it needs; `make help` lists them.
+# The project's commands. Each one sets up what it needs; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help venv book course test check bench lint lab clean
+.PHONY: help venv book course test check faults bench lint lab clean
 
 SYSTEM_PYTHON ?= python3.11
 BIN := .venv/bin
@@ -23,6 +23,9 @@ test: $(ENV)  ## run every test and gate, without network or browser
 
 check: book .venv/.browser  ## run the long suites: oracle, faults, rehearsal, browser
 	@$(BIN)/python -m pytest -m "oracle or faults or rehearsal or browser"
+
+faults: $(ENV)  ## provoke a few thousand faults and count how they end, into _build/faults.json
+	@$(BIN)/python -m tests.faults
 
 bench: $(ENV) .venv/.bench  ## measure speed beside other packages, into _build/bench.json
 	@$(BIN)/python -m tests.bench
