@@ -55,8 +55,8 @@ class Config:
 
 PROFILES = {
     "smoke": Config(trajectories=2, keypoints=1, kp=4.0, max_s=4.0, richness=0.25),
-    "book": Config(trajectories=15),
-    "paper": Config(trajectories=15),
+    "book": Config(trajectories=10),
+    "paper": Config(trajectories=10),
 }
 
 

@@ -19,17 +19,18 @@ from cpl.experiments.quadruped_predictor import trained
 from cpl.experiments.quadruped_walks import CELL
 from cpl.quadruped import COLUMNS, GainLimits, PolicyConfig, RunConfig, SupervisorConfig, run, shape
 
-__all__ = ["CELL", "LABEL", "PROFILES", "Config", "run_shard", "shards", "upstream"]
+__all__ = ["CELL", "EXTENT", "LABEL", "PROFILES", "Config", "run_shard", "shards", "upstream"]
 
 LABEL = "simulated-legged"
 RTOL = 1e-6
+EXTENT = ("repeats",)
 
 PROFILES = {
     "smoke": Config(
         collect="smoke", policies=("paper",), shapes=("triangle",), repeats=1, epochs=2, max_s=2.0
     ),
     "book": Config(collect="book", policies=("paper", "no_quantile"), repeats=1),
-    "paper": Config(collect="paper", policies=("paper", "no_quantile"), repeats=2),
+    "paper": Config(collect="paper", policies=("paper", "no_quantile"), repeats=3),
 }
 
 

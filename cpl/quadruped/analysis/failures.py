@@ -17,6 +17,10 @@ from cpl.stats import mean_interval
 __all__ = ["Logistic", "failure_odds", "failure_shares", "logistic"]
 
 BINS = {"speed [m/s]": 0.2, "turning [rad/s]": 0.4}  # widths
+TERMS = {
+    "0.1 m/s faster": ("speed [m/s]", 0.1),
+    "0.1 rad/s more turning": ("turning [rad/s]", 0.1),
+}
 LEAST_RUNS = 5  # for a bin to be shown
 
 
@@ -120,9 +124,9 @@ def failure_odds(
         resamples: How many.
 
     Returns:
-        One row a term: `term` (`speed [m/s]`, `turning [rad/s]`, and each shape but the first by
-        name), `odds_ratio` per unit, other things being equal, `low`, `high` (95 %), and `n` runs.
-        Empty where truth or errors are missing.
+        One row a term: `term` (`0.1 m/s faster`, `0.1 rad/s more turning`, and each shape but the
+        first by name), its `odds_ratio`, other things being equal, `low`, `high` (95 %), and `n`
+        runs. Empty where truth or errors are missing.
     """
     columns = ["term", "odds_ratio", "low", "high", "n"]
     if not {"true_x_m", "true_y_m", "true_yaw_rad", "slam_error"} <= set(table):
@@ -134,7 +138,7 @@ def failure_odds(
     path = steps["run"].map(of_run).to_numpy()
     order = (*SHAPES, *sorted(set(path)))
     shapes = sorted(set(path), key=order.index)
-    terms = {name: steps[name].to_numpy() for name in BINS}
+    terms = {name: steps[of].to_numpy() / unit for name, (of, unit) in TERMS.items()}
     terms |= {name: (path == name).astype(np.float64) for name in shapes[1:]}
     x, y = np.column_stack(list(terms.values())), steps["error"].to_numpy(dtype=np.float64)
     number, runs = pd.factorize(steps["run"])

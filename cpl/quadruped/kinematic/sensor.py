@@ -51,20 +51,23 @@ class ImuConfig:
         return np.repeat([self.gyro_bias_radps, self.accel_bias_mps2], 3)
 
 
-def sub_exposures(camera: FisheyeCamera, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+def sub_exposures(
+    camera: FisheyeCamera, poses: NDArray[np.float64], blur_px: float = BLUR_PX
+) -> NDArray[np.float64]:
     """Return the poses whose pictures are summed to one that ends with the last of the poses.
 
     Args:
         camera: Whose exposure it is.
         poses: Camera position and rotation (row-major, camera to world) at 240 Hz, (n, 12).
+        blur_px: Motion that one of them may cover [px].
 
     Returns:
         Two to six poses, spread over the exposure, the more the farther the picture moves.
     """
     n = max(1, round(camera.exposure_s / DT))
     first, last = poses[-1 - n, 3:].reshape(3, 3), poses[-1, 3:].reshape(3, 3)
-    blur_px = camera.focal_px * np.linalg.norm(first - last) / np.sqrt(2)
-    subs = int(np.clip(np.ceil(blur_px / BLUR_PX), 2, MAX_SUB_EXPOSURES))
+    moved_px = camera.focal_px * np.linalg.norm(first - last) / np.sqrt(2)
+    subs = int(np.clip(np.ceil(moved_px / blur_px), 2, MAX_SUB_EXPOSURES))
     at = len(poses) - 1 - camera.exposure_s / DT * (np.arange(subs) + 0.5) / subs
     low = at.astype(int)
     share = (at - low)[:, None]

@@ -43,6 +43,7 @@ class LeggedConfig:
         imu: Inertial sensor and stereo.
         odometry: The estimator, the same as twin A's.
         mount: Where the camera sits in the body's axes: ahead and above [m].
+        blur_px: Motion that one of the summed pictures may cover [px]; MuJoCo's take their time.
         room_seed: Paints the hall.
     """
 
@@ -52,6 +53,7 @@ class LeggedConfig:
     imu: ImuConfig = field(default_factory=ImuConfig)
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     mount: tuple[float, float] = (0.28, 0.05)
+    blur_px: float = 2.0
     room_seed: int = 0
 
 
@@ -154,7 +156,8 @@ class LeggedWorld:
     def _photograph(self, poses: NDArray[np.float64]) -> NDArray[np.uint8]:
         """Expose a picture that ends with the last of the poses: photons, read noise, gain."""
         camera = self.config.camera
-        reflected = self._eye.expose(sub_exposures(camera, poses)).ravel()[self._eye.inside]
+        exposures = sub_exposures(camera, poses, self.config.blur_px)
+        reflected = self._eye.expose(exposures).ravel()[self._eye.inside]
         per_level = np.float32(self._electrons / 255.0)
         count = reflected * per_level
         begin = int(self._rng.integers(POOL))
