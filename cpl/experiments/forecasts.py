@@ -124,7 +124,7 @@ PROFILES = {
     "smoke": Config(
         pairs=1, policies="smoke", rollouts=120, epochs=3, episodes=10, certificate_epochs=2
     ),
-    "book": Config(pairs=1, policies="book", rollouts=1_500, epochs=12, episodes=100),
+    "book": Config(pairs=1, policies="paper", rollouts=1_500, epochs=12, episodes=100),
     "paper": Config(pairs=10, policies="paper"),
 }
 

@@ -1,7 +1,7 @@
 """Train the predictor and its relatives until the validation loss has stopped falling.
 
 torch is imported here and nowhere else below the experiments: using what was trained needs numpy
-only. Weights and batches are drawn from a numpy generator; torch's global state is not touched.
+only. Weights and batches are drawn from a numpy generator, none from torch's global one.
 """
 
 from __future__ import annotations
@@ -59,6 +59,7 @@ def fit(
     if not (len(data.train) and len(data.validation)):
         counts = f"{len(data.train)} and {len(data.validation)}"
         raise NoRolloutsError(f"train and validation must have samples, got {counts}")
+    torch.set_num_threads(1)  # more only wait for each other on layers this small
     net = _Net(sizes, rng, loss, dropout)
     optimiser = torch.optim.Adam(net.parameters, lr=schedule.lr, fused=True)
     curve: list[Epoch] = []
