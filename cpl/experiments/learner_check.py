@@ -1,8 +1,9 @@
 """Is the compiled learner Stable-Baselines3's DQN?
 
-Both train pi_speed from the same seeds and drive the same episodes afterwards, in the range they
-were trained in and in a wider one, where trainings differ most. The two can differ only as two
-seeds of one learner do.
+Both train the base policies from the same seeds and drive the same episodes afterwards, in the
+range they were trained in and in a wider one, where trainings differ most. The two can differ only
+as two seeds of one learner do. (pi_safe is the harder case: where nothing threatens, its actions
+are worth the same, and what it does there is decided by the last updates.)
 """
 
 from dataclasses import dataclass, replace
@@ -30,7 +31,7 @@ __all__ = [
 ]
 
 LABEL = "simulated"
-EXTENT = ("compiled_seeds", "sb3_seeds")
+EXTENT = ("compiled_seeds", "sb3_seeds", "kinds")
 RTOL = 1e-6
 
 LEARNERS: tuple[LearnerName, ...] = ("compiled", "sb3")
@@ -44,8 +45,9 @@ class Config:
     """The trainings and what they are judged by.
 
     Attributes:
-        compiled_seeds: Trainings by the compiled learner.
-        sb3_seeds: Trainings by Stable-Baselines3, from the first of the same seeds.
+        compiled_seeds: Trainings of each kind by the compiled learner.
+        sb3_seeds: Trainings of each kind by Stable-Baselines3, from the first of the same seeds.
+        kinds: "safe" and "speed", or one of them.
         steps: Decisions a training.
         episodes: Episodes each trained policy drives in each range.
         top_speeds_mps: Upper ends of those ranges [m/s]; training has 30 m/s.
@@ -55,6 +57,7 @@ class Config:
 
     compiled_seeds: int
     sb3_seeds: int
+    kinds: tuple[str, ...] = ("safe", "speed")
     steps: int = 200_000
     episodes: int = 500
     top_speeds_mps: tuple[float, ...] = (30.0, 40.0)
@@ -65,12 +68,21 @@ class Config:
         for name in ("compiled_seeds", "sb3_seeds", "episodes"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)!r}")
+        if not set(self.kinds) <= {"safe", "speed"} or not self.kinds:
+            raise ValueError(f'kinds must be among "safe" and "speed", got {self.kinds!r}')
         DQNConfig(steps=self.steps)
 
 
 PROFILES = {
-    "smoke": Config(compiled_seeds=2, sb3_seeds=2, steps=300, episodes=4, vehicles_count=8),
-    "book": Config(compiled_seeds=3, sb3_seeds=3, steps=2_000, episodes=50),
+    "smoke": Config(
+        compiled_seeds=2,
+        sb3_seeds=2,
+        kinds=("speed",),
+        steps=300,
+        episodes=4,
+        vehicles_count=8,
+    ),
+    "book": Config(compiled_seeds=3, sb3_seeds=3, kinds=("speed",), steps=2_000, episodes=50),
     "paper": Config(compiled_seeds=10, sb3_seeds=3),
 }
 
@@ -79,7 +91,8 @@ def shards(config: Config) -> list[Shard]:
     """One training a shard."""
     counts = (config.compiled_seeds, config.sb3_seeds)
     return [
-        Shard(f"{learner}-{number}", {"learner": learner, "training": number})
+        Shard(f"{kind}-{learner}-{number}", {"kind": kind, "learner": learner, "training": number})
+        for kind in config.kinds
         for learner, count in zip(LEARNERS, counts, strict=True)
         for number in range(count)
     ]
@@ -89,13 +102,14 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     """Train once and drive.
 
     Returns:
-        One row an episode: `learner`, `training`, `top_speed_mps`, and the columns of
+        One row an episode: `kind`, `learner`, `training`, `top_speed_mps`, and the columns of
         `cpl.highway.run_episodes`.
     """
     learner: LearnerName = "sb3" if shard.text("learner") == "sb3" else "compiled"
-    number = shard.number("training")
+    kind, number = shard.text("kind"), shard.number("training")
     seed = int(stream(number, "learner_check").integers(_SEEDS))
-    training = replace(PAPER, vehicles_count=config.vehicles_count)
+    paid = PAPER.high_speed_reward if kind == "speed" else 0.0
+    training = replace(PAPER, vehicles_count=config.vehicles_count, high_speed_reward=paid)
     settings = DQNConfig(steps=config.steps)
     driver = Greedy(train(settings, training, seed=seed, learner=learner).network)
     tables = []
@@ -103,9 +117,9 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
         speeds = np.linspace(config.low_speed_mps, top, 3)
         road = replace(training, target_speeds=tuple(speeds.tolist()))
         table = run_episodes(road, driver, _SEEDS + np.arange(config.episodes))
-        table.insert(0, "learner", learner)
-        table.insert(1, "training", number)
-        table.insert(2, "top_speed_mps", top)
+        about = {"kind": kind, "learner": learner, "training": number, "top_speed_mps": top}
+        for place, (name, value) in enumerate(about.items()):
+            table.insert(place, name, value)
         tables.append(table)
     return pd.concat(tables, ignore_index=True)
 
@@ -119,7 +133,7 @@ def means(table: pd.DataFrame) -> pd.DataFrame:
     Returns:
         One row a training and range, with the means of `METRICS`.
     """
-    keys = ["learner", "training", "top_speed_mps"]
+    keys = ["kind", "learner", "training", "top_speed_mps"]
     return table.groupby(keys, as_index=False).agg(dict.fromkeys(METRICS, "mean"))
 
 
@@ -133,11 +147,11 @@ def compare(table: pd.DataFrame) -> pd.DataFrame:
         table: What this experiment returns.
 
     Returns:
-        One row a range and metric: `top_speed_mps`, `metric`, the learners' means `compiled` and
-        `sb3`, `spread` (standard deviation between trainings, pooled) and `p_value`.
+        One row a kind, range and metric: `kind`, `top_speed_mps`, `metric`, the learners' means
+        `compiled` and `sb3`, `spread` (standard deviation between trainings, pooled) and `p_value`.
     """
     rows: list[dict[str, object]] = []
-    for top, part in means(table).groupby("top_speed_mps"):
+    for _, part in means(table).groupby(["kind", "top_speed_mps"]):
         for metric in METRICS:
             a, b = (
                 part.loc[part["learner"] == name, metric].to_numpy(dtype=np.float64)
@@ -146,7 +160,8 @@ def compare(table: pd.DataFrame) -> pd.DataFrame:
             residuals = np.concatenate([a - a.mean(), b - b.mean()])
             rows.append(
                 {
-                    "top_speed_mps": top,
+                    "kind": part["kind"].iloc[0],
+                    "top_speed_mps": part["top_speed_mps"].iloc[0],
                     "metric": metric,
                     "compiled": a.mean(),
                     "sb3": b.mean(),

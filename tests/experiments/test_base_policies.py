@@ -63,7 +63,7 @@ def test_impossible_settings_are_refused(changes, message):
 
 def test_the_check_compares_trainings():
     table = compute("learner_check", profile="smoke").table
-    assert table.groupby(["learner", "training", "top_speed_mps"]).size().eq(4).all()
+    assert table.groupby(["kind", "learner", "training", "top_speed_mps"]).size().eq(4).all()
     found = compare(table)
     assert len(found) == 8
     assert found["p_value"].between(1 / 3, 1).all()  # of two against two there are six ways

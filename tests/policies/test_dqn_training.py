@@ -133,7 +133,7 @@ def test_the_learners_part_no_earlier_than_the_reference_from_itself():
 
 @pytest.mark.oracle
 def test_trainings_of_both_learners_are_alike():
-    config = Check(compiled_seeds=6, sb3_seeds=4, steps=8_000, episodes=60)
+    config = Check(compiled_seeds=6, sb3_seeds=4, kinds=("speed",), steps=8_000, episodes=60)
     table = compare_all(config)
     assert table["p_value"].min() > 0.01
     near = (table["compiled"] - table["sb3"]).abs() < 2.5 * table["spread"]
