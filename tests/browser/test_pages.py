@@ -1,10 +1,13 @@
 """Every page of the book, opened as readers open it."""
 
+import re
+
 import pytest
 
 pytestmark = pytest.mark.browser
 
 RULES = ("wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa")
+FIRST_VIEW = 1.5e6  # bytes
 WIDTHS = {"desktop": 1280, "phone": 390}
 
 
@@ -36,6 +39,22 @@ def test_a_page_opens_from_a_server(server, open_page, page):
     assert watch.complaints == []
     assert watch.off_site(server) == []
     assert tab.title()
+    kinds = "['navigation', 'resource'].flatMap(kind => performance.getEntriesByType(kind))"
+    assert tab.evaluate(f"{kinds}.reduce((sum, e) => sum + e.encodedBodySize, 0)") <= FIRST_VIEW
+
+
+def test_pictures_say_what_they_show(site, page):
+    """As a reviewer reads: whole sentences of some length, no file names, none twice."""
+    from bs4 import BeautifulSoup
+
+    soup = BeautifulSoup((site / page).read_text(encoding="utf-8"), "html.parser")
+    texts = [image.get("alt", "") for image in soup.select("article img")]
+    for text in texts:
+        assert 40 <= len(text) <= 300, text
+        assert not re.search(r"\.(svg|png|jpe?g)\b|^(image|figure|picture|plot) of\b", text, re.I)
+        assert text[0].isupper(), text
+        assert text.endswith("."), text
+    assert len(texts) == len(set(texts))
 
 
 def _says_what_it_is_about(tab, page):
