@@ -1,58 +1,23 @@
-"""How claims are decided: one function a row, from published tables to a finding.
+"""How the claims of the theory and the road are decided: from published tables to a finding.
 
 A rule only counts and compares. It is handed a reader of tables, so that it can be asked what it
 would say of other results; the tests corrupt a table and demand another verdict.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Protocol
 
 import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
 from scipy import stats as sp
 
+from cpl.claims._reading import Reader, Source
 from cpl.claims._verdicts import Finding, Verdict
 from cpl.stats import mean_interval, proportion, split_conformal_law, split_conformal_rank
 
-__all__ = ["RULES", "Reader", "Source"]
+__all__ = ["RULES"]
 
 _SE = 4.0  # [standard errors] how far chance may go
 _NEAR = 1.0  # [m/s] a speed level counts as reached; cars approach it exponentially
 _TAIL = 2 * sp.norm.sf(_SE)  # the same as a two-sided probability
-
-
-@dataclass(frozen=True, kw_only=True)
-class Source:
-    """A published table with the parameters that it answers."""
-
-    table: pd.DataFrame
-    parameters: dict[str, Any]
-
-    def __len__(self) -> int:
-        return len(self.table)
-
-    def __getitem__(self, column: str) -> NDArray[Any]:
-        """Return a column as an array."""
-        return np.asarray(self.table[column])
-
-    def total(self, *columns: str) -> int:
-        """Return the sum over all rows of some columns."""
-        return int(sum(self[column].sum() for column in columns))
-
-    def where(self, chosen: NDArray[Any]) -> "Source":
-        """Return the rows that a mask chooses."""
-        rows = self.table.iloc[np.flatnonzero(chosen)].reset_index(drop=True)
-        return Source(table=rows, parameters=self.parameters)
-
-
-class Reader(Protocol):
-    """Gives the published result of an experiment."""
-
-    def __call__(self, experiment: str) -> Source:
-        """Return the result; FileNotFoundError if there is none."""
-        ...
 
 
 def _split_conformal(read: Reader) -> Finding:
