@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cpl.claims._ledger import ClaimsTable, Row
+    from cpl.claims._ledger import ClaimsTable, Row, TwinTable
 
-__all__ = ["accept", "changes", "ledger", "table"]
+__all__ = ["accept", "changes", "ledger", "table", "twin_table"]
 
 
 def ledger(*, root: Path | None = None) -> list[Row]:
@@ -25,8 +25,8 @@ def ledger(*, root: Path | None = None) -> list[Row]:
 
     Returns:
         Rows with the fields `row, claim, paper_value, value, low, high, n, n_seeds, rule, verdict,
-        flags, chapter, computed_from`, in order. A claim whose results are not published yet says
-        `pending`.
+        flags, chapter, computed_from, in_the_twin`, in order. A claim whose results are not
+        published yet says `pending`.
 
     Raises:
         cpl.store.DamagedResultError: If a published result does not agree with its manifest.
@@ -54,6 +54,18 @@ def table(*rows: int) -> ClaimsTable:
     from cpl.claims._ledger import show as _show
 
     return _show(rows)
+
+
+def twin_table() -> TwinTable:
+    """Show, for a page, what the simulated quadruped shows of the claims that need the robot.
+
+    Examples:
+        >>> print(str(twin_table()).splitlines()[0])
+        | # | claim | verdict | in the twin |
+    """
+    from cpl.claims._ledger import show_twin as _show_twin
+
+    return _show_twin()
 
 
 def changes(*, root: Path | None = None) -> Mapping[int, tuple[str, str]]:

@@ -1,18 +1,35 @@
 """From claims and rules to rows, to a table for a page, and to the verdicts that are committed."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
-from cpl.claims._rules import RULES, Source
+from cpl.claims import _rules, _rules_highway
+from cpl.claims._reading import Reader, Source
+from cpl.claims._rules_quadruped import IN_THE_TWIN
 from cpl.claims._statements import CLAIMS, Claim
 from cpl.claims._verdicts import Finding, Verdict
 from cpl.store import atomic_write, data_path, read_published
 
-__all__ = ["ClaimsTable", "Row", "accept", "changes", "ledger", "show"]
+__all__ = [
+    "RULES",
+    "ClaimsTable",
+    "Row",
+    "TwinTable",
+    "accept",
+    "changes",
+    "ledger",
+    "show",
+    "show_twin",
+]
+
+RULES: dict[int, Callable[[Reader], Finding]] = {**_rules.RULES, **_rules_highway.RULES}
+"""The rules by row; a row without one is pending, or needs hardware."""
 
 _PROFILE = "paper"
+Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +50,8 @@ class Row:
         flags: What a reader must know beside it.
         chapter: Slug of the chapter that shows it.
         computed_from: Published results it rests on, as `experiment/profile@content`.
+        in_the_twin: What the simulated quadruped shows of a claim about the robot, which is never a
+            verdict; None where nobody asked it, or its results are not published.
     """
 
     row: int
@@ -48,6 +67,7 @@ class Row:
     flags: tuple[str, ...]
     chapter: str
     computed_from: tuple[str, ...]
+    in_the_twin: str | None = None
 
 
 @dataclass(frozen=True)
@@ -67,6 +87,20 @@ class ClaimsTable:
         return "\n".join([*lines, *(_line(row) for row in self.rows)])
 
 
+@dataclass(frozen=True)
+class TwinTable:
+    """Rows that need the robot, with what the twin shows, as a Markdown table."""
+
+    rows: tuple[Row, ...]
+
+    def _repr_markdown_(self) -> str:
+        return str(self)
+
+    def __str__(self) -> str:
+        lines = ["| # | claim | verdict | in the twin |", "|---:|:---|:---|:---|"]
+        return "\n".join([*lines, *(_twin_line(row) for row in self.rows)])
+
+
 def ledger(root: Path | None = None) -> list[Row]:
     """Return all rows; see `cpl.claims.ledger`."""
     return [_row(claim, root) for claim in CLAIMS]
@@ -80,6 +114,11 @@ def show(numbers: Sequence[int]) -> ClaimsTable:
             msg = f"rows must lie in [1, {len(CLAIMS)}], got {number!r}"
             raise ValueError(msg)
     return ClaimsTable(tuple(_row(known[number], None) for number in numbers or known))
+
+
+def show_twin() -> TwinTable:
+    """Return the rows that the twin was asked about; see `cpl.claims.twin_table`."""
+    return TwinTable(tuple(_row(claim, None) for claim in CLAIMS if claim.row in IN_THE_TWIN))
 
 
 def changes(root: Path | None = None) -> dict[int, tuple[str, str]]:
@@ -104,7 +143,8 @@ def _committed(root: Path | None) -> Path:
 
 
 def _row(claim: Claim, root: Path | None) -> Row:
-    found, used = _found(claim, root)
+    found, used = _found(RULES.get(claim.row), root)
+    leaning, beside = _found(IN_THE_TWIN.get(claim.row), root)
     flags = (*claim.flags, *(found.flags if found else ()))
     return Row(
         row=claim.row,
@@ -119,12 +159,15 @@ def _row(claim: Claim, root: Path | None) -> Row:
         verdict=str(found.verdict if found else _without_results(claim)),
         flags=flags,
         chapter=claim.chapter,
-        computed_from=tuple(used),
+        computed_from=(*used, *beside),
+        in_the_twin=str(leaning) if leaning else None,
     )
 
 
-def _found(claim: Claim, root: Path | None) -> tuple[Finding | None, list[str]]:
-    """Apply the claim's rule, noting what it reads; None if it has none or not all is published."""
+def _found(
+    rule: Callable[[Reader], Answer] | None, root: Path | None
+) -> tuple[Answer | None, list[str]]:
+    """Apply a rule, noting what it reads; None if it has none or not all is published."""
     used: list[str] = []
 
     def read(experiment: str) -> Source:
@@ -133,7 +176,6 @@ def _found(claim: Claim, root: Path | None) -> tuple[Finding | None, list[str]]:
         used.extend([name] if name not in used else [])
         return Source(table=table, parameters=manifest.parameters)
 
-    rule = RULES.get(claim.row)
     try:
         return (rule(read), used) if rule else (None, [])
     except FileNotFoundError:
@@ -149,4 +191,9 @@ def _line(row: Row) -> str:
     ours = "" if row.value is None else f"{row.value:.4g}"
     marks = f" ({', '.join(row.flags)})" if row.flags and row.verdict not in row.flags else ""
     cells = [str(row.row), row.claim, row.paper_value or "", ours, interval, row.verdict + marks]
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _twin_line(row: Row) -> str:
+    cells = [str(row.row), row.claim, row.verdict, row.in_the_twin or "not published"]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"

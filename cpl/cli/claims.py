@@ -54,4 +54,5 @@ def _line(row: Row) -> str:
     found = "" if row.value is None else f"  [{row.value:.4g}]"
     flags = [flag for flag in row.flags if flag != row.verdict]
     marks = f"  ({', '.join(flags)})" if flags else ""
-    return f"{row.row:2d}  {row.verdict:36s}{row.claim}{found}{marks}"
+    twin = f"\n{'':4s}in the twin: {row.in_the_twin}" if row.in_the_twin else ""
+    return f"{row.row:2d}  {row.verdict:36s}{row.claim}{found}{marks}{twin}"
