@@ -114,6 +114,8 @@ def _verdict(log: Run) -> None:
         print(f"  {fault}")
     if len(told.faults) > SHOWN:
         print(f"  and {len(told.faults) - SHOWN} more")
+    for note in told.notes:
+        print(f"  note: {note}")
 
 
 def _info(log: Run) -> None:
@@ -141,8 +143,6 @@ def _info(log: Run) -> None:
     for name, value in (("config", log.info.config), ("source", log.info.source)):
         if value:
             print(f"  {name}: {canonical_json(value)}")
-    for note in log.recovery.notes:
-        print(f"  note: {note}")
 
 
 def _convert(args: argparse.Namespace) -> int:
