@@ -186,7 +186,8 @@ class _Teller:
 
 def _camera(rs: Any, teller: _Teller, stop: threading.Event) -> None:  # noqa: ANN401
     """Read a T265; open it again for as long as it takes when it was unplugged."""
-    while not stop.is_set():
+    parent = os.getppid()
+    while not stop.is_set() and os.getppid() == parent:
         pipeline, config = rs.pipeline(), rs.config()
         config.enable_stream(rs.stream.pose)
         try:
@@ -197,7 +198,8 @@ def _camera(rs: Any, teller: _Teller, stop: threading.Event) -> None:  # noqa: A
             continue
         sys.stderr.write("bridge: the camera streams\n")
         while not stop.wait(RETRY_S) and len(rs.context().query_devices()):
-            pass
+            if os.getppid() != parent:  # nobody is left to be told
+                stop.set()
         pipeline.stop()
 
 
@@ -216,7 +218,8 @@ def _software(rs: Any, teller: _Teller, stop: threading.Event, port: int) -> Non
     feed.settimeout(0.2)
     sys.stderr.write("bridge: the software device streams\n")
     sys.stderr.flush()
-    while not stop.is_set():
+    parent = os.getppid()
+    while not stop.is_set() and os.getppid() == parent:
         try:
             packet = decode(feed.recv(2048))
         except TimeoutError:

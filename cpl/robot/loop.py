@@ -86,6 +86,7 @@ def prepare(robot: Robot, path: Path, timeout_s: float = READY_S) -> None:
     """
     clock = robot.clock
     begun = due = clock.now()
+    changes: set[float] = set()  # a pose that never changes is none
     while clock.now() - begun < timeout_s:
         robot.base.send(Mode.STAND)
         due += PERIOD_S
@@ -95,9 +96,9 @@ def prepare(robot: Robot, path: Path, timeout_s: float = READY_S) -> None:
         state, fix = robot.base.state(), robot.localizer.fix()
         if state is not None and state.tripped:
             raise RobotError(f"the watchdog does not obey: {state.tripped}")
-        fresh = (
-            fix is not None and fix.confidence > 0 and clock.now() - fix.changed_s < 2.5 * PERIOD_S
-        )
+        if fix is not None and fix.confidence > 0:
+            changes.add(fix.changed_s)
+        fresh = len(changes) > 1 and clock.now() - max(changes) < 2.5 * PERIOD_S
         if state is not None and state.mode != Mode.DAMPED and fresh:
             robot.localizer.anchor(path.start)
             return

@@ -219,6 +219,8 @@ def perform(
                 if watch is not None:
                     watch(row)
     finally:
+        if rows == 0 and path.exists():
+            path.unlink()  # it holds nothing, and would stand in the way of the next try
         halt(robot)
     return Walked(
         plan=plan,

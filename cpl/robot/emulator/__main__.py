@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import signal
 import sys
 import threading
@@ -24,6 +25,7 @@ from cpl.robot.ports import address, is_loopback
 STEP_S = 0.1
 LOOK_S = 0.005  # [s] the camera's 200 Hz
 SERVE_S = 0.001  # [s]
+ORPHAN_S = 5.0  # [s] of life after whoever started it is gone
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -77,8 +79,10 @@ class _Process:
         endpoint.start()
         begun = due = time.monotonic()
         steps = 0
-        while not self.stop.is_set() and due - begun < life_s:
+        parent, orphaned = os.getppid(), float("inf")
+        while not self.stop.is_set() and due < min(begun + life_s, orphaned + ORPHAN_S):
             now = time.monotonic()
+            orphaned = min(orphaned, now) if os.getppid() != parent else float("inf")
             if now >= begun + steps * STEP_S:
                 steps = max(steps + 1, int((now - begun) / STEP_S) - 4)
                 self._emulation.advance(self._time(now))

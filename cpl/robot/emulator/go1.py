@@ -58,7 +58,7 @@ class Endpoint:
         self._client: Address | None = None
         self._heard_s = float("-inf")
         self._command = HighCommand(mode=Mode.STAND, velocity=ZERO)
-        self._idle = False
+        self._idle, self._owed = False, 0
         self.odometry: Pose = ZERO
         self.velocity: Command = ZERO
 
@@ -77,7 +77,12 @@ class Endpoint:
         return (0.0, 0.0, turn) if self._idle and slow else self._command.velocity
 
     def serve(self, now: float) -> None:
-        """Take the commands that came, answer each, and send what was held up."""
+        """Take the commands that came and answer each."""
+        self.take(now)
+        self.answer(now)
+
+    def take(self, now: float) -> None:
+        """Take the commands that came."""
         for data, sender in drain_from(self._socket):
             if self._client not in (None, sender) and now - self._heard_s < RELEASE_S:
                 self.refused["stranger"] += 1
@@ -86,7 +91,13 @@ class Endpoint:
             self._in.put(data, now)
         for data in self._in.take(now):
             self._obey(data, now)
-            self._out.put(self._answer(now), now)
+            self._owed += 1
+
+    def answer(self, now: float) -> None:
+        """Answer each command that was taken, and send what was held up."""
+        for _ in range(self._owed):
+            self._out.put(self._state(now), now)
+        self._owed = 0
         for data in self._out.take(now):
             if self._client is not None:
                 self._socket.sendto(data, self._client)
@@ -110,7 +121,7 @@ class Endpoint:
         self._command = command
         self.seen.append(Seen(t_s=now, mode=command.mode, velocity=command.velocity))
 
-    def _answer(self, now: float) -> bytes:
+    def _state(self, now: float) -> bytes:
         if self.faults.active("babble", now):
             return self.faults.noise(STATE_BYTES)
         data = encode_state(

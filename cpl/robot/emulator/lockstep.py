@@ -43,10 +43,8 @@ class StepClock:
         return self.true_s + self.skew_s
 
     def wait(self, until: float) -> None:
-        """Let tenths of a second pass, at least one."""
-        first = True
-        while first or self.now() < until - 1e-6:
-            first = False
+        """Let tenths of a second pass, at least one: as many as are missing when it is called."""
+        for _ in range(max(1, round((until - self.now()) / PERIOD_S))):
             self._ticks += 1
             self._step(self.true_s)
 

@@ -78,8 +78,9 @@ class Emulation:
         Args:
             now: The time at the end of that tenth [s].
         """
-        self.go1.serve(now)
+        self.go1.take(now)
         self.advance(now)
+        self.go1.answer(now)
 
     def advance(self, now: float) -> None:
         """Do what `step` does for a robot whose endpoint somebody else serves."""
