@@ -21,8 +21,9 @@ from cpl.experiments._need import Inputs, Need
 from cpl.experiments._policies import base_policy, need_base_policies
 from cpl.experiments._shard import Shard
 from cpl.highway.proximity import proximity
+from cpl.policies.controls import Always
 from cpl.policies.evaluate import Drivers, Forecast, Rides, Tracking, drive
-from cpl.policies.switch import Chooser, Moment, Switch, thresholds
+from cpl.policies.switch import Chooser, Switch, thresholds
 
 __all__ = ["DRIVERS", "EXTENT", "LABEL", "PROFILES", "RTOL", "Config", "rules", "run_shard"]
 __all__ += ["shards", "upstream"]
@@ -174,7 +175,7 @@ class _Episode(NamedTuple):
 
 
 def _driven(config: Config, name: str, drivers: Drivers, guess: Forecast, top: float) -> Rides:
-    always: dict[str, Chooser] = {"safe": _always, "speed": _never}
+    always: dict[str, Chooser] = {name: Always([name == "safe"]) for name in DRIVERS[:2]}
     base = base_policies.PROFILES[config.models]
     tracking = Tracking(rule=RunningMax(c=config.c), alpha=config.alpha, delay=_HORIZON)
     return drive(
@@ -188,14 +189,6 @@ def _driven(config: Config, name: str, drivers: Drivers, guess: Forecast, top: f
         length=_LENGTH,
         record=True,
     )
-
-
-def _always(moment: Moment) -> NDArray[np.bool_]:
-    return np.ones(len(moment.step), dtype=np.bool_)
-
-
-def _never(moment: Moment) -> NDArray[np.bool_]:
-    return np.zeros(len(moment.step), dtype=np.bool_)
 
 
 def _episodes(rides: Rides) -> Iterator[_Episode]:
