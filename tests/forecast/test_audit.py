@@ -1,0 +1,158 @@
+"""Scores in; threshold, coverage and a bound that really bounds out."""
+
+import gymnasium
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cpl.cli import main
+from cpl.conformal import Fixed, RunningMax, TrailingMax, track
+from cpl.conformal.bounds import max_errors_from_start
+from cpl.forecast.audit import audit, environment_scores, read_scores
+
+
+@given(
+    st.lists(st.floats(0, 1), min_size=1, max_size=60),
+    st.sampled_from([Fixed(eta=0.1), Fixed(eta=0.7), RunningMax(c=0.1), RunningMax(c=1.0)]),
+    st.sampled_from([0.1, 0.2, 0.5]),
+    st.sampled_from([1, 3]),
+)
+def test_no_sequence_breaks_the_bound(scores, rule, alpha, delay):
+    found = audit(scores, rule, alpha=alpha, delay=delay)
+    assert (
+        found.table["q"].tolist()
+        == track(np.array(scores), rule, alpha=alpha, delay=delay).q.tolist()
+    )
+    assert found.bound is None or found.errors <= found.bound <= len(scores)
+
+
+def test_the_bound_is_attained():
+    """Scores that stay at their largest are missed as often as the bound allows.
+
+    In exact numbers the 31st would meet its threshold and 13 be the most; in floats it misses.
+    """
+    found = audit([1.0] * 31, Fixed(eta=0.1), alpha=0.1)
+    assert found.errors == found.bound == max_errors_from_start(0.1, 0.1, 1, 31) + 1
+    found = audit([1.0] * 32, Fixed(eta=0.1), alpha=0.1)
+    assert found.errors == found.bound == max_errors_from_start(0.1, 0.1, 1, 32)
+
+
+def test_what_has_no_guarantee_says_so():
+    for scores, rule, delay in (
+        ([0.5, -0.1], Fixed(eta=0.1), 1),
+        ([0.0, 0.0], Fixed(eta=0.1), 1),
+        ([0.5, 0.5], TrailingMax(c=0.1, window=5), 1),
+        ([0.5, 0.5], RunningMax(c=0.1), 3),
+    ):
+        assert audit(scores, rule, alpha=0.1, delay=delay).bound is None
+
+
+def test_windows_are_counted():
+    found = audit([0.0, 1.0, 1.0, 0.0], Fixed(eta=0.5), alpha=0.5)
+    missed = found.table["err"].to_numpy()
+    assert found.windows(2).tolist() == [1 - missed[i : i + 2].mean() for i in range(3)]
+    with pytest.raises(ValueError, match=r"W must lie in \[1, 4\], got 5"):
+        found.windows(5)
+
+
+@pytest.mark.parametrize(
+    ("scores", "message"),
+    [
+        ([], "at least 1"),
+        ([[1.0]], "one sequence"),
+        ([0.1, np.nan], "got nan at step 2"),
+        ([np.inf], "got inf at step 1"),
+    ],
+)
+def test_bad_scores_are_named(scores, message):
+    with pytest.raises(ValueError, match=message):
+        audit(scores, Fixed(eta=0.1), alpha=0.1)
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "expected"),
+    [
+        ("0.1\n0.2\n", None, [0.1, 0.2]),
+        ("score\n0.1\n1e-3\n", None, [0.1, 0.001]),
+        ("# made by hand\nt,s\n1,0.5\n2,0.25\n", "s", [0.5, 0.25]),
+    ],
+)
+def test_scores_are_read(tmp_path, text, column, expected):
+    path = tmp_path / "scores.csv"
+    path.write_text(text)
+    assert read_scores(path, column).tolist() == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "message"),
+    [
+        ("", None, "must be a table"),
+        ("a,b\n1,2\n", None, r"several columns, choose one of \['a', 'b'\]"),
+        ("a,b\n1,2\n", "c", "no column 'c'"),
+        ("s\n0.1\nlost\n", None, "line 3: a score must be a number, got 'lost'"),
+        ("s\n0.1\n1_0\n", None, "line 3"),
+        ("1\n2,3\n", None, "must be a table"),
+    ],
+)
+def test_files_that_hold_no_scores_are_named(tmp_path, text, column, message):
+    path = tmp_path / "scores.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=message):
+        read_scores(path, column)
+
+
+def test_an_environment_gives_scores_of_persistence():
+    env = gymnasium.make("MountainCar-v0")
+    seen: list[list[float]] = []
+
+    def target(obs):
+        return float(obs[0])
+
+    scores = environment_scores(env, target, lambda _: 2, horizon=3, steps=50, seed=0)
+    assert scores.shape == (50,)
+    obs, _ = env.reset(seed=0)
+    line = [float(obs[0])]
+    while len(line) < 54:
+        line.append(float(env.step(2)[0][0]))
+    seen.append(line)
+    np.testing.assert_allclose(scores, np.abs(np.array(line[3:53]) - np.array(line[:50])))
+
+
+def test_an_environment_that_gives_none_is_named():
+    env = gymnasium.make("CartPole-v1")
+    with pytest.raises(ValueError, match="horizon must be shorter than some episode, got 900"):
+        environment_scores(env, lambda o: o[0], lambda _: 0, horizon=900, steps=5, seed=0)
+    with pytest.raises(ValueError, match="target and forecast must be finite"):
+        environment_scores(env, lambda _: np.nan, lambda _: 0, horizon=1, steps=5, seed=0)
+    with pytest.raises(ValueError, match="at least 1, got 0 and 5"):
+        environment_scores(env, lambda o: o[0], lambda _: 0, horizon=0, steps=5, seed=0)
+
+
+def test_the_command_tracks_a_file(tmp_path, capsys):
+    path, out = tmp_path / "s.csv", tmp_path / "q.csv"
+    path.write_text("0.1\n" * 90)
+    words = ["track", str(path), "--rule", "fixed", "--eta", "0.05", "--out", str(out)]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "coverage         0.8" in said
+    assert "bound            at most" in said
+    assert out.read_text().splitlines()[0] == "t,score,q,err"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["none.csv"], "none.csv"),
+        (["{good}", "--rule", "fixed"], "needs --eta"),
+        (["{good}", "--eta", "0.1"], "goes with --rule fixed"),
+        (["{good}", "--alpha", "2"], "alpha must"),
+        (["{good}", "--delay", "0"], "delay must"),
+        (["{good}", "--column", "x"], "no column 'x'"),
+    ],
+)
+def test_the_command_refuses_by_name(tmp_path, capsys, words, message):
+    good = tmp_path / "s.csv"
+    good.write_text("0.1\n0.2\n")
+    assert main(["track", *(word.format(good=good) for word in words)]) == 2
+    assert message in capsys.readouterr().err
