@@ -218,6 +218,7 @@ def associate(
     memory: int,
     radius: float,
     weight: float,
+    gains: np.ndarray,
     fresh: np.ndarray,
     identity: np.ndarray,
 ) -> None:
@@ -240,6 +241,8 @@ def associate(
         memory: For how many decisions a car is kept.
         radius: Weighted distance from which on two are different cars [m].
         weight: As in `look`.
+        gains: How far the filter follows what is seen: along and across, of place and speed, by
+            what place and speed are off, (2, 2, 2); ones on the diagonal for no filter.
         fresh: The next unused identity, (n,), changed.
         identity: (n, m), filled.
     """
@@ -247,6 +250,7 @@ def associate(
     taken = np.empty(m, np.bool_)
     missing = np.empty(m, np.int64)
     for e in range(n):
+        vx, vy = ego[e, 2] * math.cos(ego[e, 1]), ego[e, 2] * math.sin(ego[e, 1])
         taken[:] = False
         for k in range(m):
             identity[e, k] = -1
@@ -270,11 +274,19 @@ def associate(
                 break
             identity[e, row] = past_id[e, 0, other]
             taken[other] = True
+            for axis in range(2):
+                before = past[e, 0, other, 0, axis] - place[e, axis]
+                own = vx if axis == 0 else vy
+                off = cars[e, row, 1 + axis] - before
+                faster = cars[e, row, 3 + axis] + own - velocity[e, other, axis]
+                g = gains[axis]
+                cars[e, row, 1 + axis] = before + g[0, 0] * off + g[0, 1] * faster
+                speed = velocity[e, other, axis] + g[1, 0] * off + g[1, 1] * faster
+                cars[e, row, 3 + axis] = speed - own
         for k in range(seen):
             if cars[e, k, 0] > 0.5 and identity[e, k] < 0:
                 identity[e, k] = fresh[e]
                 fresh[e] += 1
-        vx, vy = ego[e, 2] * math.cos(ego[e, 1]), ego[e, 2] * math.sin(ego[e, 1])
         row = seen
         for i in range(m if age[e] > 0 else 0):
             if taken[i] or past_id[e, 0, i] < 0 or unseen[e, i] >= memory or row >= m:

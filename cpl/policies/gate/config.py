@@ -31,6 +31,8 @@ class GateConfig:
             (the same of the size of the error) or "clearance" (of the nearest car).
         memory: Decisions for which a car that is not seen any more is still reckoned with
             [decisions].
+        filtered: Standard deviation of the observation's noise that a Kalman filter reckons with, in
+            units of the observation; 0 takes what is seen as it is [-].
         radius: From this weighted distance on, a row does not show the car forecast there [m].
         far: Clearance that counts where nobody is seen [m].
     """
@@ -45,6 +47,7 @@ class GateConfig:
     floor: float = 0.2
     error: str = "closing"
     memory: int = 3
+    filtered: float = 0.0
     radius: float = 20.0
     far: float = 60.0
 
@@ -63,7 +66,7 @@ class GateConfig:
         for name in ("weight", "floor", "radius", "far"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be > 0, got {getattr(self, name)!r}")
-        for name in ("growth", "memory"):
+        for name in ("growth", "memory", "filtered"):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"{name} must be >= 0, got {getattr(self, name)!r}")
         if not self.actions or not set(self.actions) <= set(range(5)):

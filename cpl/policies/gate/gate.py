@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cpl.highway import Config
 from cpl.policies.gate import _kernels
 from cpl.policies.gate.config import ERRORS, FORECASTS, GateConfig
+from cpl.policies.gate.filter import filter_gains
 from cpl.policies.gate.margins import Bools, Floats, Margin, Outcome
 
 __all__ = ["Gate", "Sight", "gated"]
@@ -77,6 +78,7 @@ class Gate:
         share = np.arange(1, looks + 1) / looks
         self._growth = np.maximum(share, self.config.floor) ** self.config.growth
         self._ahead = np.empty((m, looks, 2))
+        self._gains = filter_gains(road, self.config.filtered)
         self._age = np.zeros(n, np.int64)
         self._ego = np.zeros((n, 5))
         self._place = np.zeros((n, 2))
@@ -177,7 +179,8 @@ class Gate:
         clearance = np.empty(n)
         _kernels.associate(
             cars, self._seen, self._ego, self._place, self._age, self._past, self._past_id,
-            self._velocity, self._unseen, c.memory, c.radius, c.weight, self._fresh, identity,
+            self._velocity, self._unseen, c.memory, c.radius, c.weight, self._gains,
+            self._fresh, identity,
         )  # fmt: skip
         _kernels.score(
             cars, self._seen, self._place, self._age, self._past, self._past_id, identity,

@@ -1,0 +1,112 @@
+"""A method beside a whole curve of rivals, where both cost the same."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cpl.stats.bootstrap import Weights, interval, sums
+from cpl.stats.estimates import Estimate
+from cpl.stats.fronts import at_levels
+
+__all__ = ["Ratio", "beside_curve"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ratio:
+    """A ratio of sums over groups and units, such as crashes an episode or metres a second.
+
+    Attributes:
+        over: What is counted, shape (groups, units) of one method or (groups, units, k) of a curve.
+        under: What it is divided by, the same shape.
+    """
+
+    over: ArrayLike
+    under: ArrayLike
+
+
+def beside_curve(
+    y: Ratio,
+    x: Ratio,
+    curve_y: Ratio,
+    curve_x: Ratio,
+    weights: Weights,
+    *,
+    mixtures: bool = False,
+    confidence: float = 0.95,
+) -> Estimate:
+    r"""Return how far a method's y lies above a curve's at the method's own x.
+
+    $$ \Delta = y - c(x), \qquad
+       c = \text{straight lines between the curve's points } (x_k, y_k) $$
+
+    Everything is read anew in every resample: the method's x and y, the points, the lines. Outside
+    of its points the curve keeps its last value.
+
+    Args:
+        y: What should be small: crashes over episodes.
+        x: What is held equal: metres over seconds.
+        curve_y: The same of the rivals, a last axis more.
+        curve_x: The same of the rivals.
+        weights: From ``hierarchical_weights``.
+        mixtures: Whether the rivals may be mixed by a coin: the lower convex hull of the points.
+        confidence: Of the interval.
+
+    Returns:
+        The difference; its ``n`` is the number of groups.
+
+    Examples:
+        Half way between two rivals, and .1 below them:
+
+        >>> from cpl.stats import hierarchical_weights
+        >>> ones = np.ones((2, 3))
+        >>> weights = hierarchical_weights(2, 3, np.random.default_rng(0), resamples=20)
+        >>> wide = np.ones((2, 3, 2))
+        >>> found = beside_curve(
+        ...     Ratio(over=0.2 * ones, under=ones), Ratio(over=1.5 * ones, under=ones),
+        ...     Ratio(over=wide * [0.2, 0.4], under=wide), Ratio(over=wide * [1, 2], under=wide),
+        ...     weights,
+        ... )
+        >>> round(found.value, 3), round(found.low, 3), round(found.high, 3)
+        (-0.1, -0.1, -0.1)
+    """
+    (own_y, drawn_y), (own_x, drawn_x) = _ratio(y, weights), _ratio(x, weights)
+    (line_y, drawn_line_y), (line_x, drawn_line_x) = (
+        _ratio(curve_y, weights),
+        _ratio(curve_x, weights),
+    )
+    read = _hull if mixtures else _line
+    value = float(own_y - read(line_x, line_y, float(own_x)))
+    drawn = np.array(
+        [
+            b - read(p, q, float(a))
+            for a, b, p, q in zip(drawn_x, drawn_y, drawn_line_x, drawn_line_y, strict=True)
+        ]
+    )
+    return interval(value, drawn, groups=weights.groups, confidence=confidence)
+
+
+def _ratio(ratio: Ratio, weights: Weights) -> tuple[Floats, Floats]:
+    (over, drawn_over), (under, drawn_under) = (
+        sums(part, weights) for part in (ratio.over, ratio.under)
+    )
+    return over / under, drawn_over / drawn_under
+
+
+def _line(x: Floats, y: Floats, at: float) -> float:
+    return float(at_levels(x, y, [at])[0])
+
+
+def _hull(x: Floats, y: Floats, at: float) -> float:
+    """Read the lower convex hull of points: Andrew's monotone chain."""
+    kept: list[int] = []
+    for k in np.lexsort((y, x)).tolist():
+        while len(kept) > 1:
+            a, b = kept[-2], kept[-1]
+            if (x[b] - x[a]) * (y[k] - y[a]) > (y[b] - y[a]) * (x[k] - x[a]):
+                break
+            kept.pop()
+        kept.append(k)
+    return float(at_levels(x[kept], y[kept], [at])[0])
