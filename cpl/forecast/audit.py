@@ -79,9 +79,9 @@ def audit(scores: ArrayLike, rule: Rule, *, alpha: float, delay: int = 1) -> Aud
         ValueError: If there is no score, one is not finite, or a setting is out of its range.
 
     Examples:
-        >>> found = audit([0.0, 0.3, 0.3, 0.3], Fixed(eta=0.2), alpha=0.5)
-        >>> found.table["q"].round(2).tolist(), found.errors, found.bound
-        ([0.0, -0.1, 0.0, 0.1], 3, 3)
+        >>> found = audit([0.0, 0.3, 0.3, 0.3], Fixed(eta=0.25), alpha=0.5)
+        >>> found.table["q"].tolist(), found.errors, found.bound
+        ([0.0, -0.125, 0.0, 0.125], 3, 3)
     """
     values = np.asarray(scores, dtype=np.float64)
     if values.ndim != 1 or not len(values):
