@@ -38,7 +38,7 @@ class ExerciseTable(SphinxDirective):
         for name, text in _pages(Path(self.env.srcdir)):
             for one in exercises_of(text, name):
                 cells = (
-                    f"{{ref}}`{one.label}`",
+                    f"{{ref}}`{one.label}` {one.title}",
                     f"{{doc}}`{name}`",
                     one.kind,
                     str(one.minutes),
