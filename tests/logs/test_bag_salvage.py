@@ -51,10 +51,11 @@ def odometry(k):
 
 def bag(path, compression=None, n=60):
     """Write a bag of several chunks and return its bytes."""
-    with Writer(path) as writer:
-        if compression is not None:
-            writer.set_compression(compression)
-        writer.chunk_threshold = 8000
+    writer = Writer(path)
+    if compression is not None:
+        writer.set_compression(compression)
+    writer.chunk_threshold = 8000
+    with writer:
         kind = "nav_msgs/msg/Odometry"
         connection = writer.add_connection(TOPIC, kind, typestore=STORE)
         for k in range(n):

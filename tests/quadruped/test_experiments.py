@@ -6,8 +6,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cpl.experiments import _quadruped, quadruped_collect, quadruped_eval, quadruped_walks
-from cpl.quadruped import COLUMNS, GainLimits, PolicyConfig, Predictor, TrainingConfig
+from cpl.experiments import (
+    _quadruped,
+    legged_collect,
+    legged_predictor,
+    legged_walks,
+    published,
+    quadruped_collect,
+    quadruped_eval,
+    quadruped_logs,
+    quadruped_predictor,
+    quadruped_walks,
+    verify,
+)
+from cpl.quadruped import COLUMNS, GainLimits, PolicyConfig, Predictor, decode_predictor
+from cpl.quadruped.predictor import encode_predictor
 
 SHORT = replace(quadruped_collect.PROFILES["smoke"], max_s=1.0)
 
@@ -33,17 +46,107 @@ def test_a_collected_shard_is_a_log_and_is_reproducible():
     pd.testing.assert_frame_equal(quadruped_collect.run_shard(SHORT, shard), table)
 
 
-def test_the_predictor_is_trained_on_the_collected_log():
+@pytest.fixture
+def inputs(net):
+    """Return what a shard gets that walks with that network."""
+    table = pd.DataFrame([{"fold": -1, "model": encode_predictor(net, {})}])
+    return {"predictor": {"all": table}}
+
+
+def collected():
+    """Return the shards of a short collection, with errors drawn at random."""
     rng = np.random.default_rng(0)
     shards = quadruped_collect.shards(SHORT)
-    rows = pd.concat([quadruped_collect.run_shard(SHORT, shard) for shard in shards])
-    rows["slam_error"] = rng.integers(0, 2, size=len(rows))  # what the errors are is not the point
-    net = _quadruped.predictor(rows, SHORT.seed, SHORT.keypoints, TrainingConfig(epochs=1))
-    assert net.w1.shape == (128, 47)
+    tables: dict[str, pd.DataFrame] = {}
+    for shard in shards:
+        table = quadruped_collect.run_shard(SHORT, shard)
+        tables[shard.name] = table.assign(slam_error=rng.integers(0, 2, size=len(table)))
+    return {"log": tables}
 
 
-def test_an_evaluated_shard_holds_every_policy_on_the_same_noise(net, monkeypatch):
-    monkeypatch.setattr(quadruped_eval, "_trained", lambda *_: net)
+def test_the_predictor_is_trained_on_the_collected_log_and_judged_on_held_out_paths():
+    config = quadruped_predictor.Config(collect="smoke", folds=2, epochs=1)
+    names = [shard.name for shard in quadruped_predictor.shards(config)]
+    assert names == ["all", "fold-0", "fold-1"]
+    tables = [
+        quadruped_predictor.run_shard(config, shard, collected())
+        for shard in quadruped_predictor.shards(config)
+    ]
+    rows = pd.concat(tables, ignore_index=True)
+    assert rows["fold"].tolist() == [-1, 0, 1]
+    assert rows["rows"].iloc[1:].sum() == rows["rows"].iloc[0]
+    assert (rows["training_rows"] + rows["rows"]).iloc[1:].tolist() == [rows["rows"][0]] * 2
+    assert decode_predictor(rows["model"][0])[0].w1.shape == (128, 47)
+    assert rows["model"].iloc[1:].tolist() == [b"", b""]
+
+
+def test_an_evaluation_stands_on_the_predictor_and_not_on_the_collection():
+    config = quadruped_eval.PROFILES["paper"]
+    (need,) = quadruped_eval.upstream(config, quadruped_eval.shards(config)[0])
+    assert (need.experiment, need.shards) == ("quadruped_predictor", ("all",))
+    assert need.config == quadruped_predictor.PROFILES["paper"]
+    (below,) = quadruped_predictor.upstream(need.config, quadruped_predictor.shards(need.config)[0])
+    assert (below.experiment, len(below.shards)) == ("quadruped_collect", 43)
+
+
+def test_the_published_predictor_beats_persistence_on_paths_it_has_not_seen():
+    table = published("quadruped_predictor").table.query("fold >= 0")
+    assert len(table) == 5
+    assert (table["auc"] > table["auc_persistence"]).all()
+    assert (table["brier"] < table["brier_persistence"]).mean() > 0.5
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"collect": "huge"}, "collect .* not 'huge'"),
+        ({"folds": 1}, "folds must be 0 or at least 2, not 1"),
+    ],
+)
+def test_settings_of_the_predictor_are_checked(change, message):
+    with pytest.raises(ValueError, match=message):
+        replace(quadruped_predictor.PROFILES["book"], **change)
+
+
+def test_the_legged_experiments_mirror_the_kinematic_ones():
+    walks = legged_walks.PROFILES["paper"]
+    assert walks.policies == quadruped_walks.PROFILES["paper"].policies
+    (need,) = legged_walks.upstream(walks, legged_walks.shards(walks)[0])
+    assert (need.experiment, need.shards) == ("legged_predictor", ("all",))
+    (below,) = legged_predictor.upstream(need.config, legged_predictor.shards(need.config)[0])
+    assert below.experiment == "legged_collect"
+    assert below.config.kp == quadruped_collect.PROFILES["paper"].kp
+    with pytest.raises(ValueError, match="trajectories must be above 0"):
+        replace(legged_collect.PROFILES["smoke"], trajectories=0)
+
+
+def test_the_logs_are_asked_only_if_they_are_the_ones_that_are_named():
+    config = replace(quadruped_logs.PROFILES["smoke"], sha256=("0" * 12,) * 2)
+    with pytest.raises(ValueError, match="sha256 of quadruped must be 000000000000"):
+        quadruped_logs.run_shard(config, quadruped_logs.shards(config)[0])
+    with pytest.raises(ValueError, match="sha256 must be one a folder"):
+        replace(config, sha256=())
+    with pytest.raises(ValueError, match="repeats must be at least 1, not 0"):
+        replace(config, repeats=0)
+
+
+def test_what_the_shipped_logs_say_has_each_number_once():
+    table = published("quadruped_logs").table
+    cell = ["folder", "row", "number", "shape", "part"]
+    assert not table.duplicated(cell).any()
+    assert set(table["row"]) == set(range(42, 50))
+    known = table.dropna(subset=["low"])
+    assert (known["low"] <= known["value"] + 1e-9).all()
+    assert (known["value"] <= known["high"] + 1e-9).all()
+
+
+@pytest.mark.rehearsal
+def test_what_the_shipped_logs_say_is_said_again():
+    report = verify("quadruped_logs", sample=1, seed=0)
+    assert report.agrees, report.differences
+
+
+def test_an_evaluated_shard_holds_every_policy_on_the_same_noise(inputs):
     config = replace(
         quadruped_eval.PROFILES["smoke"],
         policies=("constant", "no_quantile", "oracle"),
@@ -52,11 +155,11 @@ def test_an_evaluated_shard_holds_every_policy_on_the_same_noise(net, monkeypatc
     )
     shards = quadruped_eval.shards(config)
     assert [shard.name for shard in shards] == ["triangle-in-0", "triangle-out-0"]
-    table = quadruped_eval.run_shard(config, shards[0])
+    table = quadruped_eval.run_shard(config, shards[0], inputs)
     assert len(table) == 6
     assert set(table["outcome"]) == {"timeout"}
     assert table.loc[0, "mean_kp"] == 1.5
-    again = quadruped_eval.run_shard(config, shards[0])
+    again = quadruped_eval.run_shard(config, shards[0], inputs)
     pd.testing.assert_frame_equal(again, table)
 
 

@@ -97,9 +97,11 @@ def logistic(
         p = 0.5 * (1 + np.tanh(0.5 * eta))
         gradient = columns.T @ (w * (y - p))
         best = float(w @ (y * eta - np.logaddexp(0, eta)))
-        if np.abs(gradient).max() < 1e-8 * max(1.0, w.sum()):
-            return Logistic(coefficients=beta, converged=True)
         curvature = (columns * (w * p * (1 - p))[:, None]).T @ columns
+        if np.abs(gradient).max() < 1e-8 * max(1.0, w.sum()):
+            # Where a plane separates the classes the maximum lies at infinity, and is flat.
+            sharp = curvature.diagonal() > 1e-7 * (w @ columns**2)
+            return Logistic(coefficients=beta, converged=bool(sharp.all()))
         step = np.linalg.lstsq(curvature, gradient, rcond=None)[0]
         for _ in range(30):
             eta = columns @ (beta + step)
