@@ -175,8 +175,8 @@ def _one(
     """Make one run: list, questions, walk. Each run has a watchdog of its own."""
     from cpl.robot import View, perform, urgent
     from cpl.robot.checklist import QUESTIONS, before, connected
+    from cpl.robot.keyboard import Operator
     from cpl.robot.live import hardware
-    from cpl.robot.operator import Operator
 
     physical = not config.provenance.startswith("simulated")
     print(f"\n{plan.name}: {plan.shape}, gain {plan.kp_min} to {plan.kp_max}, {plan.policy}")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import secrets
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -147,14 +149,14 @@ class Stage:
         base: Its base, which knows the watchdog.
         emulator: The robot's process.
         bridge: The camera's process; None where poses come straight from the emulator.
-        cut: Cuts the link between policy and robot side, for so many seconds.
+        cut: Cuts the link between policy and robot side.
     """
 
     robot: Robot
     base: WatchedBase
     emulator: Companion
     bridge: Companion | None
-    cut: Callable[[float], None]
+    cut: Callable[[], None]
 
 
 @contextmanager
@@ -204,7 +206,7 @@ def emulated(
             token=secrets.randbits(31),
             folder=folder,
         )
-        dog, cut = _placed(config, wanted_dog, folder, stack)
+        dog, cut = _placed(config, wanted_dog, emulator, folder, stack)
         base = WatchedBase(dog)
         stack.callback(base.close)
         robot = Robot(
@@ -219,21 +221,19 @@ def emulated(
 
 
 def _placed(
-    config: Emulated, dog: WatchdogConfig, folder: Path, stack: ExitStack
-) -> tuple[WatchdogConfig, Callable[[float], None]]:
+    config: Emulated, dog: WatchdogConfig, emulator: Companion, folder: Path, stack: ExitStack
+) -> tuple[WatchdogConfig, Callable[[], None]]:
     """Lay the link: before the watchdog if it is on the robot, behind it if it is on the laptop."""
     from cpl.robot.emulator.relay import Relay  # needs the extra `quadruped`, hardware does not
 
     if config.placement == "laptop":
-        relay = Relay(dog.robot)
-        stack.callback(relay.close)
-        return replace(dog, robot=relay.address), lambda seconds: relay.suffer("cut", seconds)
+        return dog, lambda: os.kill(emulator.pid, signal.SIGUSR1)
     listen = ("127.0.0.1", free_port())
     process = launch_watchdog(dog, listen, folder / "watchdog.json")
     stack.callback(_end, process)
     relay = Relay(listen)
     stack.callback(relay.close)
-    return replace(dog, elsewhere=relay.address), lambda seconds: relay.suffer("cut", seconds)
+    return replace(dog, elsewhere=relay.address), lambda: relay.suffer("cut")
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

@@ -8,7 +8,7 @@ the policy, Ctrl-C, an exception, kill -9, a hung computer program, ends in a ro
 It runs on the controlling computer, or on the robot's own: there it also survives the loss of the
 link between the two, which no process on the far side of that link can do anything about.
 
-    python -m cpl.robot.watchdog --robot 127.0.0.1:8082 --listen 127.0.0.1:9101 --token 7
+    python -m cpl.robot --robot 127.0.0.1:8082 --listen 127.0.0.1:9101 --token 7
 """
 
 from __future__ import annotations
@@ -226,7 +226,3 @@ class _Watchdog:
 
 
 GOOD_BYE = 2**32 - 1  # number of the order after which there is none
-
-
-if __name__ == "__main__":
-    sys.exit(main())

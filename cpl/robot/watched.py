@@ -66,7 +66,7 @@ def launch_watchdog(
         The process, in a session of its own: what a terminal sends to the policy, Ctrl-C or a
         hang-up, does not reach it.
     """
-    words = [sys.executable, "-m", "cpl.robot.watchdog", "--token", str(config.token)]
+    words = [sys.executable, "-m", "cpl.robot", "--token", str(config.token)]
     words += ["--robot", "{}:{}".format(*config.robot), "--listen", "{}:{}".format(*listen)]
     words += ["--library", config.library, "--local-port", str(config.local_port)]
     words += ["--v-max", repr(config.envelope.v_max_mps)]

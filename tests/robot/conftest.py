@@ -23,7 +23,7 @@ VICTIM = textwrap.dedent(
     from cpl.robot import collection, perform, urgent
     from cpl.robot import session
     from cpl.robot.live import Emulated, emulated
-    from cpl.robot.operator import Operator
+    from cpl.robot.keyboard import Operator
 
     folder, placement, seconds = Path(sys.argv[1]), sys.argv[2], float(sys.argv[3])
     plan = replace(collection(1)[0], max_s=seconds)
@@ -47,7 +47,7 @@ VICTIM = textwrap.dedent(
             if 0.95 < row["t_s"] < 1.05:
                 said(phase="walking")
             if (folder / "cut").exists():
-                stage.cut(30.0)
+                stage.cut()
             if (folder / "raise").exists():
                 raise ZeroDivisionError("for a test")
 
@@ -113,7 +113,7 @@ class Session:
         return [json.loads(line) for line in lines if line.endswith("}")]
 
     def rests_after(self, then, seconds=6.0):
-        """Return after how long the robot was last asked to move, and to stand, after `then`."""
+        """Return how long after `then` the robot was asked for zero, for good, and to stand."""
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
             after = [each for each in self.box() if each["t"] > then]
@@ -121,8 +121,10 @@ class Session:
             if stood and after[-1]["mode"] == Mode.STAND and after[-1]["t"] - stood[0] > 0.2:
                 break
             time.sleep(0.1)
-        moved = [each["t"] for each in self.box() if any(each["v"])]
-        return max([*moved, then]) - then, (stood[0] - then if stood else float("inf"))
+        moved = max([each["t"] for each in self.box() if any(each["v"])], default=0.0)
+        stands = [each["t"] for each in self.box() if each["t"] > max(then, moved)]
+        zero_s = stands[0] - then if stands else float("inf")
+        return zero_s, (stood[0] - then if stood else float("inf"))
 
 
 @pytest.fixture

@@ -58,6 +58,7 @@ def main(words: Sequence[str] | None = None) -> int:
     process = _Process(emulation, chosen.black_box)
     for name in (signal.SIGTERM, signal.SIGINT):
         signal.signal(name, lambda *_: process.stop.set())
+    signal.signal(signal.SIGUSR1, lambda *_: process.cut())
     sys.stdout.write("the emulator is there\n")
     sys.stdout.flush()
     with urgent(5):  # a robot is a computer of its own
@@ -93,6 +94,11 @@ class _Process:
         self.stop.set()
         endpoint.join()
         self._emulation.close()
+
+    def cut(self) -> None:
+        """Let the cable be cut from now on; SIGUSR1 does it."""
+        now = self._time(time.monotonic())
+        self._emulation.faults.planned.append(Fault(name="cut", start_s=now))
 
     def _serve(self) -> None:
         go1, told = self._emulation.go1, 0
