@@ -29,6 +29,7 @@ __all__ = [
     "drivers_of",
     "evaluation_seeds",
     "needs",
+    "pairs_of",
     "road_of",
     "tracking_of",
     "validation_seeds",
@@ -49,6 +50,7 @@ class Setup:
 
     Attributes:
         pairs: Training seeds: pairs of policies, each with its own forecaster.
+        first_pair: Which pair is the first.
         models: Profile of the experiments that trained policies and forecasters.
         episodes: Test episodes of each pair and setting, the same environment seeds in all.
         validation_episodes: Episodes on which thresholds are chosen; other environment seeds.
@@ -66,6 +68,7 @@ class Setup:
     """
 
     pairs: int
+    first_pair: int = 0
     models: str = "paper"
     episodes: int
     validation_episodes: int
@@ -85,6 +88,8 @@ class Setup:
         for name in ("pairs", "episodes", "validation_episodes", "blocks"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)!r}")
+        if self.first_pair < 0:
+            raise ValueError(f"first_pair must not be negative, got {self.first_pair!r}")
         if self.episodes % self.blocks:
             raise ValueError(f"blocks must divide episodes {self.episodes}, got {self.blocks!r}")
         if self.delay < HORIZON:
@@ -96,6 +101,11 @@ class Setup:
             raise ValueError(f"models must be one of {sorted(trained)}, got {self.models!r}")
         tracking_of(self)
         road_of(self, self.top_speed_mps)
+
+
+def pairs_of(setup: Setup, count: int = 0) -> range:
+    """Return the numbers of the pairs, or of the first few of them."""
+    return range(setup.first_pair, setup.first_pair + (count or setup.pairs))
 
 
 def road_of(setup: Setup, top_speed_mps: float) -> Road:

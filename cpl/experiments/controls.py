@@ -21,6 +21,7 @@ from cpl.experiments._highway import (
     drive,
     drivers_of,
     needs,
+    pairs_of,
     road_of,
     tracking_of,
     validation_seeds,
@@ -47,7 +48,7 @@ from cpl.stats import split_conformal_rank
 __all__ = ["EXTENT", "LABEL", "PROFILES", "Config", "run_shard", "shards", "upstream"]
 
 LABEL = "simulated"
-EXTENT = ("pairs",)
+EXTENT = ("pairs", "first_pair")
 RTOL = 1e-5  # sums of speeds are stored in single precision
 
 _TRAINING_TOP = 30.0  # [m/s] the speed range in which everything was trained
@@ -90,13 +91,13 @@ PROFILES = {
         pairs=1, episodes=60, validation_episodes=10, blocks=20, points=4, donors=20,
         oracle_blocks=10,
     ),
-    "paper": Config(pairs=10, episodes=500, validation_episodes=30, blocks=25, oracle_blocks=10),
+    "paper": Config(pairs=10, episodes=250, validation_episodes=30, blocks=25, oracle_blocks=10),
 }  # fmt: skip
 
 
 def shards(config: Config) -> list[Shard]:
     """One pair a shard."""
-    return [Shard(f"pair{pair}", {"pair": pair}) for pair in range(config.pairs)]
+    return [Shard(f"pair{pair}", {"pair": pair}) for pair in pairs_of(config)]
 
 
 def upstream(config: Config, shard: Shard) -> list[Need]:

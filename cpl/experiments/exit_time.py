@@ -22,6 +22,7 @@ from cpl.experiments._highway import (
     drivers_of,
     evaluation_seeds,
     needs,
+    pairs_of,
     road_of,
 )
 from cpl.experiments._need import Inputs, Need
@@ -41,7 +42,7 @@ __all__ = [
 ]
 
 LABEL = "simulated"
-EXTENT = ("pairs",)
+EXTENT = ("pairs", "first_pair")
 
 _TRAINING_TOP = 30.0  # [m/s] the speed range in which everything was trained
 
@@ -78,7 +79,7 @@ PROFILES = {
 
 def shards(config: Config) -> list[Shard]:
     """One pair a shard."""
-    return [Shard(f"pair{pair}", {"pair": pair}) for pair in range(config.pairs)]
+    return [Shard(f"pair{pair}", {"pair": pair}) for pair in pairs_of(config)]
 
 
 def upstream(config: Config, shard: Shard) -> list[Need]:

@@ -5,7 +5,7 @@ as a curve over its threshold. The thresholds are chosen method by method on val
 spread the share of steps under the safe policy evenly; the test seeds are the same for all.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -19,6 +19,7 @@ from cpl.experiments._highway import (
     curve,
     drivers_of,
     needs,
+    pairs_of,
     road_of,
     tracking_of,
 )
@@ -30,7 +31,7 @@ from cpl.policies.switch import Switch, thresholds
 __all__ = ["EXTENT", "LABEL", "PROFILES", "Config", "run_shard", "shards", "upstream"]
 
 LABEL = "simulated"
-EXTENT = ("pairs", "side_pairs")
+EXTENT = ("pairs", "first_pair", "side_pairs")
 RTOL = 1e-5  # sums of speeds are stored in single precision
 
 _SCALED = ("dropout", "ensemble", "hau", "certificates")  # what a calibration can change
@@ -47,6 +48,7 @@ class Config(Setup):
         side_tops_mps: Upper ends of other speed ranges [m/s]; 0 for none.
         side_pairs: Pairs there.
         side_thresholds: Points of each curve there.
+        side_episodes: Test episodes there; calibrated methods do not drive there.
     """
 
     methods: tuple[str, ...] = ("conformal", *BASELINES)
@@ -55,9 +57,14 @@ class Config(Setup):
     side_tops_mps: tuple[float, ...] = (30.0, 50.0)
     side_pairs: int = 5
     side_thresholds: int = 8
+    side_episodes: int = 250
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.side_episodes % self.blocks or self.side_episodes < 1:
+            raise ValueError(
+                f"side_episodes must be a multiple of blocks, got {self.side_episodes!r}"
+            )
         known = ("conformal", *BASELINES)
         if wrong := [name for name in self.methods if name not in known]:
             raise ValueError(f"methods must be among {known}, got {wrong[0]!r}")
@@ -70,10 +77,11 @@ PROFILES = {
     "smoke": Config(
         pairs=1, models="smoke", episodes=4, validation_episodes=2, blocks=2, vehicles_count=8,
         methods=("conformal", "none", "dropout"), thresholds=2, side_tops_mps=(0.0,),
+        side_episodes=2,
     ),
     "book": Config(
         pairs=1, episodes=60, validation_episodes=10, blocks=20, methods=("conformal", "none"),
-        thresholds=6, side_tops_mps=(0.0,),
+        thresholds=6, side_tops_mps=(0.0,), side_episodes=20,
     ),
     "paper": Config(pairs=10, episodes=500, validation_episodes=30, blocks=25),
 }  # fmt: skip
@@ -81,14 +89,10 @@ PROFILES = {
 
 def shards(config: Config) -> list[Shard]:
     """One pair in one speed range a shard."""
-    ranges = [(config.top_speed_mps, config.pairs, config.thresholds)] + [
-        (top, config.side_pairs, config.side_thresholds) for top in config.side_tops_mps if top > 0
-    ]
-    return [
-        Shard(f"top{top:g}-pair{pair}", {"top_mps": top, "pair": pair, "thresholds": count})
-        for top, pairs, count in ranges
-        for pair in range(pairs)
-    ]
+    sides = [top for top in config.side_tops_mps if top > 0]
+    places = [(config.top_speed_mps, pair) for pair in pairs_of(config)]
+    places += [(top, pair) for top in sides for pair in pairs_of(config, config.side_pairs)]
+    return [Shard(f"top{top:g}-pair{pair}", {"top_mps": top, "pair": pair}) for top, pair in places]
 
 
 def upstream(config: Config, shard: Shard) -> list[Need]:
@@ -106,17 +110,20 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
         the fast one, and the fast one after the fifth observation: the end of all curves.
     """
     pair, top = shard.number("pair"), float(shard["top_mps"])
+    main = top == config.top_speed_mps
+    points = config.thresholds if main else config.side_thresholds
+    episodes = config.episodes if main else config.side_episodes
+    config = replace(config, episodes=episodes)
     drivers, road = drivers_of(inputs, pair), road_of(config, top)
     found = []
     for method in config.methods:
-        for calibrated in (False, True) if method in _SCALED else (False,):
+        for calibrated in (False, True) if main and method in _SCALED else (False,):
             forecast = forecaster(inputs, method, pair, calibrated=calibrated)
             tracking = tracking_of(config) if method == "conformal" else None
             how = {"forecast": forecast, "tracking": tracking}
             q_safe = np.asarray(config.q_safe)
             if not q_safe.any():
-                count = shard.number("thresholds")
-                q_safe = choose_thresholds(road, drivers, config, count, **how)
+                q_safe = choose_thresholds(road, drivers, config, points, **how)
             table = curve(road, drivers, Switch(q_safe), config, q_safe, **how)
             found.append(compact(table, {"method": method, "calibrated": calibrated}))
     for name, safe, after in (("safe", True, 0), ("speed", False, 0), ("never", False, 4)):

@@ -18,6 +18,7 @@ from cpl.experiments._highway import (
     curve,
     drivers_of,
     needs,
+    pairs_of,
     road_of,
     tracking_of,
 )
@@ -29,7 +30,7 @@ from cpl.policies.switch import Switch, thresholds
 __all__ = ["EXTENT", "LABEL", "PROFILES", "Config", "run_shard", "shards", "upstream", "variants"]
 
 LABEL = "simulated"
-EXTENT = ("pairs",)
+EXTENT = ("pairs", "first_pair")
 RTOL = 1e-5  # sums of speeds are stored in single precision
 
 
@@ -85,13 +86,13 @@ PROFILES = {
         pairs=1, episodes=40, validation_episodes=1, blocks=20, q_safe=(0.4, 0.6),
         alphas=(0.02, 0.4), streams=4,
     ),
-    "paper": Config(pairs=5, episodes=500, validation_episodes=1, blocks=25),
+    "paper": Config(pairs=5, episodes=250, validation_episodes=1, blocks=25),
 }  # fmt: skip
 
 
 def shards(config: Config) -> list[Shard]:
     """One pair a shard."""
-    return [Shard(f"pair{pair}", {"pair": pair}) for pair in range(config.pairs)]
+    return [Shard(f"pair{pair}", {"pair": pair}) for pair in pairs_of(config)]
 
 
 def upstream(config: Config, shard: Shard) -> list[Need]:

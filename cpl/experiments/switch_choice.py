@@ -6,7 +6,7 @@ crashes, once in the range in which the car is then driven and once in the range
 which is all that a user has before a shift.
 """
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,7 @@ from cpl.experiments._highway import (
     drivers_of,
     evaluation_seeds,
     needs,
+    pairs_of,
     road_of,
     tracking_of,
     validation_seeds,
@@ -34,7 +35,7 @@ from cpl.policies.switch import Switch, thresholds
 __all__ = ["EXTENT", "LABEL", "PROFILES", "Config", "run_shard", "shards", "upstream"]
 
 LABEL = "simulated"
-EXTENT = ("pairs",)
+EXTENT = ("pairs", "first_pair")
 RTOL = 1e-5  # speeds are stored in single precision
 
 _TRAINING_TOP = 30.0  # [m/s] the speed range in which everything was trained
@@ -81,14 +82,14 @@ PROFILES = {
         long_episodes=80,
     ),
     "paper": Config(
-        pairs=10, episodes=500, validation_episodes=100, blocks=25, long_episodes=2000
+        pairs=10, episodes=500, validation_episodes=50, blocks=25, long_episodes=2000
     ),
 }  # fmt: skip
 
 
 def shards(config: Config) -> list[Shard]:
     """One pair a shard."""
-    return [Shard(f"pair{pair}", {"pair": pair}) for pair in range(config.pairs)]
+    return [Shard(f"pair{pair}", {"pair": pair}) for pair in pairs_of(config)]
 
 
 def upstream(config: Config, shard: Shard) -> list[Need]:
@@ -101,7 +102,8 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
 
     Returns:
         One row an episode: `pair`, `top_mps`, `policy` (`switch 0.3`: not chosen; `switch chosen`;
-        `switch transferred`: chosen in the training's range; `none chosen`; `safe`; `speed`),
+        `switch transferred`: chosen in the range of the training; `none chosen`: without a
+        quantile; `safe`; `speed`),
         `q_safe`, `seed`, `steps`, `crashed`, `speed_sum` and `last_speed` [m/s], `distance_m`,
         `overtaken`, `safe_steps`, `scored`, `missed`, and `floor_scored` and `floor_missed`: of the
         scores in windows in which q stayed at or above the threshold, how many there were and how
@@ -114,26 +116,27 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     for top in config.tops_mps:
         here = _chosen(config, top, drivers, forecast, tracking)
         bare = _chosen(config, top, drivers, forecast, None)
-        switches = {"switch 0.3": config.q_safe, "switch chosen": here}
-        if before != here:
-            switches["switch transferred"] = before
         road = road_of(config, top)
-        named = dict(zip(switches, range(len(switches)), strict=True))
-        grid = np.array(list(switches.values()))
-        rides = drive(
-            road, drivers, Switch(grid), evaluation_seeds(config.long_episodes),
-            settings=len(grid), forecast=forecast, tracking=tracking, record=True,
-        )  # fmt: skip
-        found.append(_rows(rides, named, grid, config.window))
-        rides = drive(
-            road, drivers, Switch([bare]), evaluation_seeds(config.episodes), forecast=forecast
-        )
-        found.append(_rows(rides, {"none chosen": 0}, np.array([bare]), config.window))
+        for names, grid, count, tracker in (
+            (
+                ["switch 0.3", "switch chosen"],
+                [config.q_safe, here],
+                config.long_episodes,
+                tracking,
+            ),
+            (["switch transferred"], [before], config.episodes, tracking),
+            (["none chosen"], [bare], config.episodes, None),
+        ):
+            rides = drive(
+                road, drivers, Switch(grid), evaluation_seeds(count), settings=len(grid),
+                forecast=forecast, tracking=tracker, record=tracker is not None,
+            )  # fmt: skip
+            found.append(_rows(rides, names, np.array(grid), config.window))
         rides = drive(
             road, drivers, Always([True, False]), evaluation_seeds(config.episodes), settings=2
         )
-        found.append(_rows(rides, {"safe": 0, "speed": 1}, np.full(2, np.nan), config.window))
-        for table in found[-3:]:
+        found.append(_rows(rides, ["safe", "speed"], np.full(2, np.nan), config.window))
+        for table in found[-4:]:
             table.insert(0, "top_mps", top)
     joined = pd.concat(found, ignore_index=True)
     joined.insert(0, "pair", pair)
@@ -147,7 +150,7 @@ def _chosen(
 
     If none is, the safest one.
     """
-    grid = np.round(np.arange(0.05, 1.25, 0.05), 2)
+    grid = np.round(np.arange(0.1, 1.25, 0.1), 2)
     rides = drive(
         road_of(config, top), drivers, Switch(grid), validation_seeds(config.validation_episodes),
         settings=len(grid), forecast=forecast, tracking=tracking,
@@ -158,12 +161,11 @@ def _chosen(
 
 
 def _rows(
-    rides: Rides, named: Mapping[str, int], q_safe: NDArray[np.float64], window: int
+    rides: Rides, names: Sequence[str], q_safe: NDArray[np.float64], window: int
 ) -> pd.DataFrame:
     """Name the settings, add the scores under Assumption 1, and store numbers in few bytes."""
     table = rides.episodes.drop(columns=["changes", "u_sum", "u_steps"])
-    names = np.array(list(named))
-    table.insert(0, "policy", names[table["setting"]])
+    table.insert(0, "policy", np.array(names)[table["setting"]])
     table.insert(1, "q_safe", q_safe[table["setting"]])
     table = table.assign(floor_scored=0, floor_missed=0)
     if rides.steps is not None:

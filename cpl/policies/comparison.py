@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 
 from cpl.policies.measures import Axes, cube, measure
 from cpl.rng import stream
-from cpl.stats import Curve, Estimate, Lead, Weights, hierarchical_weights, interval, lead, sums
+from cpl.stats import (
+    Curve,
+    Estimate,
+    Lead,
+    NoCommonLevelError,
+    Weights,
+    hierarchical_weights,
+    interval,
+    lead,
+    sums,
+)
 
-__all__ = ["chosen", "compare", "curve_of", "estimates", "weights_for"]
+__all__ = ["chosen", "compare", "curve_of", "estimates", "leads", "weights_for"]
 
 _RESAMPLES = 2_000
 
@@ -104,6 +114,43 @@ def compare(
         ends=_joined(curves[2:]),
         count=count,
     )
+
+
+def leads(
+    table: pd.DataFrame,
+    column: str,
+    first: str,
+    others: Sequence[str],
+    axes: Axes,
+    *,
+    ends: Sequence[str] = (),
+) -> dict[str, Lead]:
+    """Compare one way to drive with several others, by their names in a column.
+
+    Args:
+        table: Block sums.
+        column: Where the names stand.
+        first: The one whose leads they are.
+        others: The others; those that have no level in common with the first are left out.
+        axes: In which plane.
+        ends: Names of points that belong to all curves.
+
+    Returns:
+        The lead over each.
+    """
+    named: dict[str, Lead] = {}
+    for other in others:
+        try:
+            named[other] = compare(
+                table,
+                {column: first},
+                {column: other},
+                axes,
+                ends=tuple({column: name} for name in ends),
+            )
+        except NoCommonLevelError:
+            continue
+    return named
 
 
 def estimates(table: pd.DataFrame, name: str, *, seed: int = 0) -> list[Estimate]:

@@ -16,6 +16,7 @@ from cpl.stats.estimates import (
     split_conformal_rank,
 )
 from cpl.stats.fronts import (
+    NoCommonLevelError,
     at_levels,
     common_levels,
     hypervolume,
@@ -30,6 +31,7 @@ __all__ = [
     "Estimate",
     "LawCheck",
     "Lead",
+    "NoCommonLevelError",
     "SurvivalCurve",
     "Weights",
     "at_levels",

@@ -1,6 +1,8 @@
 """A method beside a whole curve of rivals, where both cost the same."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,7 +11,10 @@ from cpl.stats.bootstrap import Weights, interval, sums
 from cpl.stats.estimates import Estimate
 from cpl.stats.fronts import at_levels
 
-__all__ = ["Ratio", "beside_curve"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Ratio", "beside_curve", "ratio"]
 
 Floats = NDArray[np.float64]
 
@@ -23,8 +28,38 @@ class Ratio:
         under: What it is divided by, the same shape.
     """
 
-    over: ArrayLike
-    under: ArrayLike
+    over: Floats
+    under: Floats
+
+
+def ratio(
+    table: "pd.DataFrame", over: str, under: str, *, by: Sequence[str] = ("pair", "stream")
+) -> Ratio:
+    """Add rows up over groups, units and, if named, the points of a curve.
+
+    Args:
+        table: One row or more for each of them.
+        over: Column of what is counted.
+        under: Column of what it is divided by.
+        by: Columns of groups, units and, third, of the curve's points.
+
+    Raises:
+        ValueError: If some unit has no row.
+
+    Examples:
+        >>> import pandas as pd
+        >>> rows = pd.DataFrame({"pair": [0, 0, 1], "stream": [5, 5, 5], "hits": 1, "n": 4})
+        >>> ratio(rows, "hits", "n").over.tolist()
+        [[2.0], [1.0]]
+    """
+    found = table.groupby(list(by), sort=True)[[over, under]].sum()
+    shape = [len(np.unique(table[name])) for name in by]
+    if len(found) != np.prod(shape):
+        raise ValueError(
+            f"table must have rows for all of {tuple(by)}, got {len(found)} of {shape}"
+        )
+    each = found.to_numpy(np.float64).reshape(*shape, 2)
+    return Ratio(over=each[..., 0], under=each[..., 1])
 
 
 def beside_curve(
