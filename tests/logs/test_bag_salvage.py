@@ -120,7 +120,8 @@ def test_cut_at_every_chunk_of_every_compression(compression, tmp_path):
 def test_damage_in_the_middle_costs_its_chunk_and_no_other(tmp_path):
     data = bytearray(bag(tmp_path / "whole.bag"))
     second = chunks(bytes(data))[1]
-    data[second + 150 : second + 170] = b"\xff" * 20  # the length of a message in it
+    message = data.find(b"op=\x02", second)
+    data[message - 30 : message + 30] = b"\xff" * 60  # lengths and names of a record in it
     path = tmp_path / "hole.bag"
     path.write_bytes(data)
     run = read_run(path, provenance=PROVENANCE)
