@@ -138,11 +138,11 @@ def read_scores(path: Path | str, column: str | None = None) -> NDArray[np.float
 def environment_scores(
     env: Any,  # noqa: ANN401 - a gymnasium.Env of any spaces
     target: Callable[[Any], float],
-    policy: Callable[[Any], Any],
     *,
     horizon: int,
     steps: int,
     seed: int,
+    policy: Callable[[Any], Any] | None = None,
     forecast: Callable[[Any], float] | None = None,
 ) -> NDArray[np.float64]:
     r"""Drive a Gymnasium environment and score a forecast of something in it.
@@ -154,10 +154,10 @@ def environment_scores(
     Args:
         env: A `gymnasium.Env`.
         target: What is forecast, y, from an observation.
-        policy: From an observation to an action.
         horizon: Steps ahead h [steps], >= 1.
         steps: Scores to collect.
         seed: Seed of the first episode; the next ones count on.
+        policy: From an observation to an action; seeded random actions unless given.
         forecast: From an observation to the forecast of y, h steps later; persistence (y stays
             what it is) unless given.
 
@@ -171,6 +171,7 @@ def environment_scores(
     if horizon < 1 or steps < 1:
         raise ValueError(f"horizon and steps must be at least 1, got {horizon!r} and {steps!r}")
     guess = target if forecast is None else forecast
+    env.action_space.seed(seed)
     scores: list[float] = []
     barren = 0
     for episode in range(10 * steps):
@@ -179,7 +180,8 @@ def environment_scores(
         pending: deque[float] = deque([float(guess(obs))], maxlen=horizon)
         ended = False
         while not ended and len(scores) < steps:
-            obs, _, terminated, truncated, _ = env.step(policy(obs))
+            action = env.action_space.sample() if policy is None else policy(obs)
+            obs, _, terminated, truncated, _ = env.step(action)
             ended = terminated or truncated
             if len(pending) == horizon:
                 scores.append(abs(float(target(obs)) - pending[0]))

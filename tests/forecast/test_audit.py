@@ -109,7 +109,7 @@ def test_an_environment_gives_scores_of_persistence():
     def target(obs):
         return float(obs[0])
 
-    scores = environment_scores(env, target, lambda _: 2, horizon=3, steps=50, seed=0)
+    scores = environment_scores(env, target, policy=lambda _: 2, horizon=3, steps=50, seed=0)
     assert scores.shape == (50,)
     obs, _ = env.reset(seed=0)
     line = [float(obs[0])]
@@ -119,14 +119,21 @@ def test_an_environment_gives_scores_of_persistence():
     np.testing.assert_allclose(scores, np.abs(np.array(line[3:53]) - np.array(line[:50])))
 
 
+def test_random_actions_are_seeded():
+    env = gymnasium.make("CartPole-v1")
+    words = {"horizon": 2, "steps": 40, "seed": 3}
+    first = environment_scores(env, lambda o: o[2], **words)
+    assert first.tolist() == environment_scores(env, lambda o: o[2], **words).tolist()
+
+
 def test_an_environment_that_gives_none_is_named():
     env = gymnasium.make("CartPole-v1")
     with pytest.raises(ValueError, match="horizon must be shorter than some episode, got 900"):
-        environment_scores(env, lambda o: o[0], lambda _: 0, horizon=900, steps=5, seed=0)
+        environment_scores(env, lambda o: o[0], policy=lambda _: 0, horizon=900, steps=5, seed=0)
     with pytest.raises(ValueError, match="target and forecast must be finite"):
-        environment_scores(env, lambda _: np.nan, lambda _: 0, horizon=1, steps=5, seed=0)
+        environment_scores(env, lambda _: np.nan, horizon=1, steps=5, seed=0)
     with pytest.raises(ValueError, match="at least 1, got 0 and 5"):
-        environment_scores(env, lambda o: o[0], lambda _: 0, horizon=0, steps=5, seed=0)
+        environment_scores(env, lambda o: o[0], horizon=0, steps=5, seed=0)
 
 
 def test_the_command_tracks_a_file(tmp_path, capsys):
