@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from cpl.policies.measures import Axes, cube, measure
 from cpl.rng import stream
@@ -13,7 +14,6 @@ from cpl.stats import (
     Curve,
     Estimate,
     Lead,
-    NoCommonLevelError,
     Weights,
     hierarchical_weights,
     interval,
@@ -138,19 +138,19 @@ def leads(
     Returns:
         The lead over each.
     """
-    named: dict[str, Lead] = {}
-    for other in others:
-        try:
-            named[other] = compare(
-                table,
-                {column: first},
-                {column: other},
-                axes,
-                ends=tuple({column: name} for name in ends),
-            )
-        except NoCommonLevelError:
-            continue
-    return named
+    safety = {name: _levels(chosen(table, {column: name}), axes) for name in (first, *others)}
+    low, high = safety[first].min(), safety[first].max()
+    return {
+        other: compare(
+            table,
+            {column: first},
+            {column: other},
+            axes,
+            ends=tuple({column: name} for name in ends),
+        )
+        for other in others
+        if max(low, safety[other].min()) < min(high, safety[other].max())
+    }
 
 
 def estimates(table: pd.DataFrame, name: str, *, seed: int = 0) -> list[Estimate]:
@@ -172,6 +172,11 @@ def estimates(table: pd.DataFrame, name: str, *, seed: int = 0) -> list[Estimate
         interval(float(value), column, groups=weights.groups)
         for value, column in zip(values, columns, strict=True)
     ]
+
+
+def _levels(table: pd.DataFrame, axes: Axes) -> NDArray[np.float64]:
+    """Return how safe the points of a curve are."""
+    return measure(cube(table).sum(axis=(0, 1)), axes.safety)
 
 
 def _joined(curves: list[Curve]) -> Curve | None:

@@ -16,7 +16,6 @@ from cpl.stats.estimates import (
     split_conformal_rank,
 )
 from cpl.stats.fronts import (
-    NoCommonLevelError,
     at_levels,
     common_levels,
     hypervolume,
@@ -31,7 +30,6 @@ __all__ = [
     "Estimate",
     "LawCheck",
     "Lead",
-    "NoCommonLevelError",
     "SurvivalCurve",
     "Weights",
     "at_levels",

@@ -3,13 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["NoCommonLevelError", "at_levels", "common_levels", "hypervolume"]
+__all__ = ["at_levels", "common_levels", "hypervolume"]
 
 Floats = NDArray[np.float64]
-
-
-class NoCommonLevelError(ValueError):
-    """Two curves cannot be compared: no level of one is reached by the other."""
 
 
 def at_levels(x: ArrayLike, y: ArrayLike, levels: ArrayLike) -> Floats:
@@ -52,8 +48,7 @@ def common_levels(*curves: ArrayLike, count: int) -> Floats:
         count: How many levels, >= 2.
 
     Raises:
-        NoCommonLevelError: If there is no common support.
-        ValueError: If there is no curve, or fewer than two levels are wanted.
+        ValueError: If there is no curve, no common support, or fewer than two levels are wanted.
 
     Examples:
         >>> common_levels([0.0, 2.0, 4.0], [1.0, 5.0], count=4).tolist()
@@ -66,7 +61,7 @@ def common_levels(*curves: ArrayLike, count: int) -> Floats:
     high = min(float(np.max(np.asarray(curve))) for curve in curves)
     if not low < high:
         msg = f"curves must have levels in common, got none between {low:g} and {high:g}"
-        raise NoCommonLevelError(msg)
+        raise ValueError(msg)
     return np.linspace(low, high, count)
 
 
