@@ -103,9 +103,9 @@ class Setup:
         road_of(self, self.top_speed_mps)
 
 
-def pairs_of(setup: Setup, count: int = 0) -> range:
+def pairs_of(setup: Setup, count: int | None = None) -> range:
     """Return the numbers of the pairs, or of the first few of them."""
-    return range(setup.first_pair, setup.first_pair + (count or setup.pairs))
+    return range(setup.first_pair, setup.first_pair + (setup.pairs if count is None else count))
 
 
 def road_of(setup: Setup, top_speed_mps: float) -> Road:

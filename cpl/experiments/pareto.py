@@ -46,7 +46,7 @@ class Config(Setup):
         thresholds: Points of each curve, in the range of `top_speed_mps`.
         q_safe: Thresholds for all methods in place of chosen ones; a single 0 chooses.
         side_tops_mps: Upper ends of other speed ranges [m/s]; 0 for none.
-        side_pairs: Pairs there.
+        side_pairs: Pairs there, none for 0.
         side_thresholds: Points of each curve there.
         side_episodes: Test episodes there; calibrated methods do not drive there.
     """
