@@ -19,6 +19,7 @@ FOLDER = "quadruped"  # the kinematic twin's logs: the ones with enough runs to 
 LEGGED = "quadruped-legged"
 MOST_WINDOWS = 0.95  # "the coverage is higher": in so many windows it would count as true
 
+WHERE = {"in": "in distribution", "out": "out of it"}
 AS = "as claimed"
 PART = "as claimed in part"
 NOT = "not as claimed"
@@ -131,12 +132,12 @@ def _coverage(read: Reader) -> Leaning:
     chance = _told(logs, 47, "both_by_chance", "all", "all").value
     leans = [_side(each, above=MOST_WINDOWS) for each in parts.values()]
     shares = ", ".join(
-        f"{each.value:.0%} ({each.low:.0%} to {each.high:.0%}) {part}"
+        f"{each.value:.0%} ({each.low:.0%} to {each.high:.0%}) {WHERE[part]}"
         for part, each in parts.items()
     )
     text = (
-        f"on the hexagon the windows at 0.8 or above are {shares} of distribution; two runs of one "
-        f"window each reach it by chance in {chance:.0%}"
+        f"on the hexagon the windows at 0.8 or above are {shares}; two runs of one window "
+        f"each reach it by chance in {chance:.0%}"
     )
     return Leaning(leans=combined(leans), text=text)
 
@@ -212,9 +213,7 @@ def _side(told: Estimate, *, below: float | None = None, above: float | None = N
 
 
 def _both(parts: dict[str, Estimate], unit: str) -> str:
-    return ", ".join(
-        f"{_number(each, unit)} {part} of distribution" for part, each in parts.items()
-    )
+    return ", ".join(f"{_number(each, unit)} {WHERE[part]}" for part, each in parts.items())
 
 
 def _number(told: Estimate, unit: str) -> str:
