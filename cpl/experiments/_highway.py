@@ -127,8 +127,11 @@ def tracking_of(setup: Setup) -> Tracking:
 
 
 def needs(setup: Setup, pair: int) -> list[Need]:
-    """Ask for the policies and the forecasters of one pair."""
-    policies, networks = base_policies.PROFILES[setup.models], forecasts.PROFILES[setup.models]
+    """Ask for the policies and the forecasters of one pair, be it one that nobody trained yet."""
+    policies, networks = (
+        replace(profile, pairs=max(profile.pairs, pair + 1))
+        for profile in (base_policies.PROFILES[setup.models], forecasts.PROFILES[setup.models])
+    )
     return [need_base_policies(policies, [pair]), need_forecasts(networks, [pair])]
 
 
