@@ -27,7 +27,7 @@ __all__ = [
 CAMERA_PYTHONS = ("python3.10",)
 """Names under which a Python for the camera is looked for."""
 NEEDED = "2.53.1"  # the last pyrealsense2 that knows the T265
-START_S = 60.0  # [s] an emulator compiles its twin when it runs for the first time
+START_S = 180.0  # [s] an emulator compiles its twin when it runs for the first time
 
 
 class Companion:

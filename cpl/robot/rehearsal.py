@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -36,7 +37,15 @@ from cpl.robot.session import Plan, Walked, collection, evaluation, perform
 from cpl.robot.view import View
 from cpl.store import atomic_write, plain
 
-__all__ = ["EDGES_MS", "Rehearsal", "accelerated", "real_time", "rehearse", "train_on"]
+__all__ = [
+    "EDGES_MS",
+    "Rehearsal",
+    "accelerated",
+    "real_time",
+    "rehearse",
+    "train_on",
+    "transcript",
+]
 
 EDGES_MS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 PREDICTOR = "predictor.safetensors"
@@ -161,6 +170,21 @@ def real_time(rehearsal: Rehearsal, folder: Path, say: Say) -> Walked:
     say("period error\n" + histogram(walked.timing.error_s, EDGES_MS))
     say("policy time\n" + histogram(walked.timing.policy_s, EDGES_MS))
     return walked
+
+
+def transcript(rehearsal: Rehearsal) -> str:
+    """Return what the real-time part of a rehearsal says; a refusal is part of it.
+
+    Args:
+        rehearsal: How.
+    """
+    lines: list[str] = []
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            real_time(rehearsal, Path(folder), lines.append)
+        except RobotError as error:
+            lines.append(f"refused: {error}")
+    return "\n".join(lines).strip()
 
 
 def accelerated(

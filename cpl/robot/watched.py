@@ -22,7 +22,7 @@ from cpl.robot.watchdog import GOOD_BYE, NO_ANSWER
 
 __all__ = ["WatchdogConfig", "WatchedBase", "launch_watchdog"]
 
-START_S = 20.0  # [s] for the process to come up; a cold disk is slow
+START_S = 60.0  # [s] for the process to come up; a busy computer is slow
 SILENT_S = 0.25  # [s] without a report
 RESCUE_S = 0.3  # [s] of zero velocity from this process
 
