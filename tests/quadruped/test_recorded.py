@@ -120,3 +120,18 @@ def test_the_logs_are_the_runs_of_the_published_table(cell):
     told = summary(run.table, shape(path), floor_half_width_m=2.5)
     for name in ("start_end_m", "path_error_m", "slam_error_rate", "coverage", "mean_kp", "steps"):
         assert table[name].tolist() == [pytest.approx(told[name], abs=1e-6)]
+
+
+def test_a_supervised_run_is_shipped_with_what_its_supervisor_did():
+    folder = data_path("logs", "quadruped-supervised")
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    for name, told in manifest["files"].items():
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == told["sha256"]
+    runs = read_runs(folder, strict=True)
+    assert set(runs.summary["config.supervision"]) == {"with"}
+    for run in runs.runs.values():
+        lost = run.table["supervisor"] == "slam_lost"
+        assert lost.any()
+        # Lost is more than one SLAM error: while it lasts the robot is told to stand.
+        assert (run.table.loc[lost, "confidence"] == 0).all()
+        assert (run.table.loc[lost, ["cmd_v_x_mps", "cmd_v_y_mps"]] == 0).all(axis=None)
