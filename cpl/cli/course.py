@@ -73,11 +73,11 @@ def _build(args: argparse.Namespace) -> int:
 
 
 def _list() -> int:
-    from cpl.publish.chapters import find_chapters
+    from cpl.publish.course.editions import pages_of
     from cpl.publish.course.exercises import exercises_of
 
-    for name, chapter in find_chapters(project_root()).items():
-        for one in exercises_of(chapter.text, name):
+    for place, text in pages_of(project_root()).items():
+        for one in exercises_of(text, Path(place).name):
             print(f"{one.label:24} {one.minutes:3} min  {one.kind:16}  {one.title}")
     return 0
 

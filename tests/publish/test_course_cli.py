@@ -6,8 +6,7 @@ import re
 import pytest
 
 from cpl.cli import main
-from cpl.publish.chapters import find_chapters
-from cpl.publish.course.editions import build_course
+from cpl.publish.course.editions import build_course, pages_of
 from cpl.publish.course.exercises import exercises_of
 from cpl.publish.course.slides import build_slides, expand, harvest
 from cpl.store import project_root
@@ -16,8 +15,8 @@ from cpl.store import project_root
 def test_list_has_a_line_for_each_exercise(capsys):
     assert main(["course", "list"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    chapters = find_chapters(project_root())
-    labels = [one.label for name, ch in chapters.items() for one in exercises_of(ch.text, name)]
+    pages = pages_of(project_root())
+    labels = [one.label for name, text in pages.items() for one in exercises_of(text, name)]
     assert [line.split()[0] for line in lines] == labels
 
 

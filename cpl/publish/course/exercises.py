@@ -15,8 +15,6 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from cpl.publish.chapters import Chapter
-
 __all__ = ["KINDS", "Exercise", "exercises_of", "faults", "solution_texts"]
 
 KINDS = ("pencil and paper", "experiment", "code")
@@ -106,20 +104,20 @@ def solution_texts(text: str) -> Iterator[tuple[str, str]]:
         yield match["label"], match["body"]
 
 
-def faults(chapters: Mapping[str, Chapter]) -> list[str]:
+def faults(pages: Mapping[str, str]) -> list[str]:
     """List what the exercises of the book lack, one line each; empty if nothing.
 
     Args:
-        chapters: The chapters by name.
+        pages: The text of each page by name.
     """
     said: list[str] = []
     labels: list[str] = []
-    for name, chapter in chapters.items():
-        known = {one.label for one in exercises_of(chapter.text, name)}
-        for label, _ in solution_texts(chapter.text):
+    for name, text in pages.items():
+        known = {one.label for one in exercises_of(text, name)}
+        for label, _ in solution_texts(text):
             if label not in known:
                 said.append(f"{name}: a solution of {label}, which is no exercise of this page")
-        for one in exercises_of(chapter.text, name):
+        for one in exercises_of(text, name):
             labels.append(one.label)
             said += [f"{name}: {one.label} {problem}" for problem in _lacks(one)]
     said += [
