@@ -1,7 +1,7 @@
 """A Sphinx extension: pages that need no other host, and say what they are about.
 
-- MathJax comes from the installed package `sphinx-mathjax-offline`; of its 24 MB only the renderer,
-  the fonts and the small TeX extensions that it may load are published.
+- MathJax comes from the installed package `sphinx-mathjax-offline`; of its 24 MB only the parts
+  that pages load, the fonts and the small TeX extensions are published.
 - Each page describes itself to search engines and link previews with its first sentences.
 - Roles that the theme gives wrongly, and that mislead screen readers, are taken back.
 - Files that no page ever loads (translations of the theme, source maps) are left out.
@@ -17,7 +17,17 @@ from typing import Any
 from docutils import nodes
 from sphinx.application import Sphinx
 
-_MATHJAX = ("tex-chtml.js", "input/tex/extensions", "output/chtml/fonts/woff-v2")
+_MATHJAX = (
+    "startup.js",
+    "core.js",
+    "input/tex.js",
+    "input/tex/extensions",
+    "output/chtml.js",
+    "output/chtml/fonts/tex.js",
+    "output/chtml/fonts/woff-v2",
+    "a11y/assistive-mml.js",
+)
+_MATHJAX_PARTS = ["input/tex", "output/chtml", "a11y/assistive-mml"]  # without its menu
 _NEVER_LOADED = ("_static/locales", "_static/**/*.map", "_static/**/*.ttf", "_static/images/logo_*")
 _WRONG_ROLES = {
     ' role="list" class="citation-list"': ' class="citation-list"',
@@ -37,7 +47,11 @@ def setup(app: Sphinx) -> dict[str, Any]:
 
 
 def _use_local_mathjax(_app: Sphinx, config: Any) -> None:
-    config.mathjax_path = "mathjax/tex-chtml.js"
+    config.mathjax_path = "mathjax/startup.js"
+    config.mathjax3_config = {
+        **(config.mathjax3_config or {}),
+        "loader": {"load": _MATHJAX_PARTS},
+    }
 
 
 def _copy_mathjax(app: Sphinx, exception: Exception | None) -> None:

@@ -95,7 +95,7 @@ def test_every_step_rule_draws(figure, rule):
 def test_rides_are_scrubbed_played_and_chosen(figure):
     tab, stage = figure(REPLAY)
     tab.wait_for_function("document.querySelector('.live-stage').dataset.state === 'ready'")
-    slider = stage.get_by_label("time")
+    slider = stage.get_by_role("slider", name="time")
     slider.fill("2")
     assert number(stage, "t") == 2
     slider.press("Home")
@@ -139,9 +139,9 @@ def test_the_explorer_shows_published_points_or_says_that_there_are_none(figure)
     assert "NaN" not in stage.inner_html()
 
 
-@pytest.mark.parametrize("page", [PLAYGROUND, REPLAY, TRADEOFF])
-def test_live_figures_fit_a_phone_and_their_text_stays_legible(figure, page):
-    tab, stage = figure(page, width=360)
+@pytest.mark.parametrize("where", [PLAYGROUND, REPLAY, TRADEOFF])
+def test_live_figures_fit_a_phone_and_their_text_stays_legible(figure, where):
+    tab, stage = figure(where, width=360)
     assert tab.evaluate("document.documentElement.scrollWidth - window.innerWidth") <= 0
     sizes = "[...document.querySelectorAll('.live-stage svg text')]"
     small = f"{sizes}.filter(t => parseFloat(getComputedStyle(t).fontSize) < 12).length"

@@ -31,18 +31,18 @@
   // A range input with its label, and its value in words beside it.
   function slider({ label, min, max, step, value, words = String, act }) {
     const id = fresh("slider");
-    const output = h("output", { for: id }, words(value));
+    const shown = h("span", { class: "live-value", "aria-hidden": "true" }, words(value));
     const input = h("input", { type: "range", id, min, max, step, value });
     const speak = () => {
-      output.textContent = words(Number(input.value));
-      input.setAttribute("aria-valuetext", output.textContent);
+      shown.textContent = words(Number(input.value));
+      input.setAttribute("aria-valuetext", shown.textContent);
     };
     input.addEventListener("input", () => {
       speak();
       act(Number(input.value));
     });
     speak();
-    const root = h("div", { class: "live-control" }, h("label", { for: id }, label), output, input);
+    const root = h("div", { class: "live-control" }, h("label", { for: id }, label), shown, input);
     const set = (next, limit) => {
       if (limit !== undefined) input.max = limit;
       input.value = next;
