@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy import stats as sp
 
 from cpl.policies.measures import Axes, cube, measure
 from cpl.rng import stream
@@ -21,7 +22,7 @@ from cpl.stats import (
     sums,
 )
 
-__all__ = ["chosen", "compare", "curve_of", "estimates", "leads", "weights_for"]
+__all__ = ["chosen", "compare", "curve_of", "estimates", "foretold", "leads", "weights_for"]
 
 _RESAMPLES = 2_000
 
@@ -171,6 +172,36 @@ def estimates(table: pd.DataFrame, name: str, *, seed: int = 0) -> list[Estimate
     return [
         interval(float(value), column, groups=weights.groups)
         for value, column in zip(values, columns, strict=True)
+    ]
+
+
+def foretold(table: pd.DataFrame, name: str, *, confidence: float = 0.95) -> list[Estimate]:
+    r"""Say where a measure of one more training seed is to be expected, at every level.
+
+    $$ \bar v \pm t_{G-1} \sqrt{1 + 1/G}\; s $$
+
+    with s the spread of the measure between the pairs, whose environment seeds are all the same.
+
+    Args:
+        table: Block sums of one curve, over at least two pairs.
+        name: One of `cpl.policies.measures.MEASURES`.
+        confidence: How likely the new one lies inside.
+
+    Returns:
+        One estimate a level, whose interval is the prediction.
+
+    Raises:
+        ValueError: If there is only one pair.
+    """
+    each = measure(cube(table).sum(axis=1), name)
+    groups = len(each)
+    if groups < 2:
+        raise ValueError(f"table must have at least two pairs, got {groups}")
+    reach = sp.t.ppf((1 + confidence) / 2, groups - 1) * np.sqrt(1 + 1 / groups)
+    half = reach * each.std(axis=0, ddof=1)
+    return [
+        Estimate(value=float(v), low=float(v - h), high=float(v + h), n=groups)
+        for v, h in zip(each.mean(axis=0), half, strict=True)
     ]
 
 

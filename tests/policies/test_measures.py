@@ -4,7 +4,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cpl.policies.comparison import chosen, compare, curve_of, estimates, weights_for
+from cpl.policies.comparison import (
+    chosen,
+    compare,
+    curve_of,
+    estimates,
+    foretold,
+    leads,
+    weights_for,
+)
 from cpl.policies.measures import AXES, MEASURES, SUMS, block_sums, cube, measure, table_of
 
 
@@ -132,6 +140,27 @@ def test_estimates_and_curves_agree_with_the_pooled_table():
     assert all(e.low < e.value < e.high for e in found)
     curve = curve_of(rows, AXES["paper"], weights_for(rows))
     np.testing.assert_allclose(curve.y, pooled)
+
+
+def test_the_next_training_seed_is_foretold():
+    """With 40 pairs, one more lies inside in about 95 of 100 cases, and the interval says so."""
+    rows = chosen(table(pairs=41, noise=0.5, seed=3), {"method": "a"})
+    inside = []
+    for pair in range(41):
+        others, left = rows[rows["pair"] != pair], rows[rows["pair"] == pair]
+        new = table_of(left, ["level"])["episode_speed_mps"].to_numpy()
+        told = foretold(others, "episode_speed_mps")
+        inside.append(np.mean([e.low <= v <= e.high for e, v in zip(told, new, strict=True)]))
+    assert 0.85 <= np.mean(inside) <= 1.0
+    with pytest.raises(ValueError, match="at least two pairs, got 1"):
+        foretold(rows[rows["pair"] == 0], "episode_speed_mps")
+
+
+def test_others_without_a_level_in_common_are_left_out():
+    rows = table(1.0)
+    far = rows[rows["method"] == "a"].assign(method="far", steps=100)
+    found = leads(pd.concat([rows, far]), "method", "b", ["a", "far"], AXES["paper"])
+    assert list(found) == ["a"]
 
 
 def test_what_is_missing_is_named():

@@ -1,0 +1,28 @@
+"""A pair trained anew, at the paper's sizes, agrees with the published result (make check)."""
+
+import pytest
+
+from cpl.experiments import compute, published
+from cpl.policies.comparison import chosen, foretold
+from cpl.policies.measures import table_of
+
+MEASURES = ("duration_s", "episode_speed_mps", "step_speed_mps", "crashes_per_km")
+
+
+@pytest.mark.rehearsal
+def test_a_training_seed_that_nobody_saw_lies_where_the_published_ones_foretell():
+    """About a quarter of an hour: two policies, a forecaster, 500 episodes a threshold."""
+    result = published("pareto")
+    fresh = compute(
+        "pareto", profile="paper", pairs=1, side_pairs=0, methods=("conformal", "none"),
+        first_pair=result.config.first_pair + result.config.pairs,
+    ).table  # fmt: skip
+    old = result.table[result.table["top_mps"] == result.config.top_speed_mps]
+    inside = []
+    for method in ("conformal", "none", "safe", "speed"):
+        new = table_of(chosen(fresh, {"method": method}), ["level"])
+        for name in MEASURES:
+            told = foretold(chosen(old, {"method": method}), name, confidence=0.99)
+            values = zip(told, new[name], strict=True)
+            inside += [estimate.low <= value <= estimate.high for estimate, value in values]
+    assert sum(inside) >= 0.95 * len(inside)
