@@ -22,7 +22,16 @@ from cpl.stats import (
     sums,
 )
 
-__all__ = ["chosen", "compare", "curve_of", "estimates", "foretold", "leads", "weights_for"]
+__all__ = [
+    "chosen",
+    "compare",
+    "curve_of",
+    "estimates",
+    "foretold",
+    "leads",
+    "standing",
+    "weights_for",
+]
 
 _RESAMPLES = 2_000
 
@@ -203,6 +212,20 @@ def foretold(table: pd.DataFrame, name: str, *, confidence: float = 0.95) -> lis
         Estimate(value=float(v), low=float(v - h), high=float(v + h), n=groups)
         for v, h in zip(each.mean(axis=0), half, strict=True)
     ]
+
+
+def standing(lead: Estimate) -> str:
+    """Say in words where somebody with this lead stands.
+
+    Examples:
+        >>> standing(Estimate(value=0.5, low=0.1, high=0.9, n=10))
+        'ahead of'
+        >>> standing(Estimate(value=0.5, low=-0.1, high=1.1, n=10))
+        'level with'
+    """
+    if lead.low > 0:
+        return "ahead of"
+    return "behind" if lead.high < 0 else "level with"
 
 
 def _levels(table: pd.DataFrame, axes: Axes) -> NDArray[np.float64]:
