@@ -94,6 +94,9 @@ def _describe(
     if len(text) > _DESCRIPTION:
         text = text[:_DESCRIPTION].rsplit(" ", 1)[0] + " …"
     values = {"description": text, "og:title": context.get("title", page), "og:description": text}
+    if (Path(_app.srcdir) / "book/_static/preview.png").exists():
+        up = "../" * page.count("/")
+        values |= {"og:image": f"{up}_static/preview.png", "og:image:alt": "A tracker at work"}
     tags = "".join(_tag(name, value) for name, value in values.items() if value)
     context["metatags"] = context.get("metatags", "") + tags
 

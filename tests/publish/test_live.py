@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -164,3 +165,10 @@ def test_each_live_figure_has_its_data_and_its_picture():
     for name in ("tracker", "road", "pareto"):
         assert files[f"_static/live/{name}.svg"].lstrip().startswith(b"<?xml")
     assert sum(map(len, files.values())) < 4e6
+
+
+def test_a_link_to_the_book_has_a_picture_of_the_usual_size():
+    picture = live_files()["_static/preview.png"]
+    assert picture.startswith(b"\x89PNG")
+    assert struct.unpack(">II", picture[16:24]) == (1200, 630)
+    assert len(picture) < 200_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cpl.conformal import Fixed, adversary, bounds, track_exact
 from cpl.experiments import published
-from cpl.figures.live import missing
+from cpl.figures.live import missing, preview
 from cpl.figures.road import moments
 from cpl.figures.theory import band
 from cpl.publish.live._facts import ledger_file
@@ -16,6 +16,7 @@ __all__ = ["live_files"]
 
 _FOLDER = "_static/live"
 _LANES = 4
+_PREVIEW = "_static/preview.png"
 
 
 def live_files() -> dict[str, bytes]:
@@ -30,7 +31,14 @@ def live_files() -> dict[str, bytes]:
     pictures = {"tracker.svg": _tracker_picture(), "road.svg": road, "pareto.svg": fronts}
     texts = {f"data/{name}": text for name, text in scripts.items()} | pictures
     files = {f"{_FOLDER}/{name}": text.encode() for name, text in texts.items()}
-    return {**files, f"{_FOLDER}/data/ledger.json": ledger_file()}
+    return {**files, f"{_FOLDER}/data/ledger.json": ledger_file(), _PREVIEW: _preview()}
+
+
+def _preview() -> bytes:
+    worst = adversary.upper_worst_case(0.1, 0.1, 1, W=80).as_floats()
+    q = track_exact(worst, Fixed(eta=0.1), alpha=0.1).q
+    words = "An executable book: what holds of the paper, and what does not"
+    return preview(worst, q, title="Conformal Policy Learning", words=words)
 
 
 def _tracker_picture() -> str:
