@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from cpl.claims import _rules, _rules_forecast, _rules_highway
+from cpl.claims import _rules, _rules_forecast, _rules_highway, _rules_robot
 from cpl.claims._reading import Reader, Source
 from cpl.claims._rules_quadruped import IN_THE_TWIN
 from cpl.claims._statements import CLAIMS, Claim
@@ -29,6 +29,7 @@ RULES: dict[int, Callable[[Reader], Finding]] = {
     **_rules.RULES,
     **_rules_highway.RULES,
     **_rules_forecast.RULES,
+    **_rules_robot.RULES,
 }
 """The rules by row; a row without one is pending, or needs hardware."""
 

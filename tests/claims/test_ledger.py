@@ -19,6 +19,7 @@ CORRECTED = "false as printed, true as corrected"
 VERDICTS = {
     1: "holds", 2: "holds", 3: "holds", 4: CORRECTED, 5: CORRECTED, 6: CORRECTED,
     7: "holds in part", 8: "holds", 9: "holds", 15: "holds in part", 16: "holds",
+    50: "holds",
 }  # fmt: skip
 
 
@@ -126,6 +127,12 @@ MUTATIONS = [
     (16, "proximity", lambda t: t.assign(l_tilde=-t.l_tilde)),
     (16, "proximity", lambda t: t.assign(l_tilde=1 - t.l_tilde)),
     (16, "proximity", lambda t: t.assign(l_tilde=t.l_tilde * (t.index != 700))),
+    (50, "robot_loop", lambda t: t.assign(loop_p99_s=t.loop_p99_s + 0.1 * (t.index == 3))),
+    (50, "robot_loop", lambda t: t.assign(loop_p99_s=-t.loop_p99_s)),
+    (50, "robot_loop", lambda t: t.assign(gain_wrong=t.gain_wrong + (t.index == 2))),
+    (50, "robot_loop", lambda t: t.assign(stop_wrong=t.stop_wrong + (t.index == 5))),
+    (50, "robot_loop", lambda t: t.assign(quiet=t.steps)),
+    (50, "robot_loop", lambda t: t[:1]),
 ]
 SWAP = {"printed": "corrected", "corrected": "printed"}
 
