@@ -110,8 +110,8 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs | None = None) -> pd.
     rows: list[pd.DataFrame] = []
     for episode, world in enumerate(worlds):
         seed = _SEED + 1000 * config.seed + episode
-        for table in _episode(config, gate, world, seed, inputs):
-            rows.append(table.assign(episode=episode, world=world))
+        driven = _episode(config, gate, world, seed, inputs)
+        rows += [table.assign(episode=episode, world=world) for table in driven]
     found = pd.concat(rows, ignore_index=True)
     found["method"] = np.array(names)[found["method"].to_numpy()]
     return found
