@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from cpl.claims._ledger import ClaimsTable, Row, TwinTable
 
-__all__ = ["accept", "changes", "ledger", "table", "twin_table"]
+__all__ = ["accept", "changes", "ledger", "own", "table", "twin_table"]
 
 
 def ledger(*, root: Path | None = None) -> list[Row]:
@@ -41,8 +41,25 @@ def ledger(*, root: Path | None = None) -> list[Row]:
     return _ledger(root)
 
 
+def own(*, root: Path | None = None) -> list[Row]:
+    """Return one row for each of the book's own claims, numbered after the paper's.
+
+    Args:
+        root: As in `ledger`.
+
+    Examples:
+        >>> [row.row for row in own()]
+        [51, 52, 53]
+    """
+    from cpl.claims._ledger import own as _own
+
+    return _own(root)
+
+
 def table(*rows: int) -> ClaimsTable:
     """Show claims beside what was found, for a page: all, or those of the given row numbers.
+
+    The paper's are 1 to 50, the book's own 51 to 53.
 
     Raises:
         ValueError: If there is no such row.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from cpl.claims import _rules, _rules_forecast, _rules_highway, _rules_robot
+from cpl.claims import _own, _rules, _rules_forecast, _rules_highway, _rules_robot
 from cpl.claims._reading import Reader, Source
 from cpl.claims._rules_quadruped import IN_THE_TWIN
 from cpl.claims._statements import CLAIMS, Claim
@@ -21,6 +21,7 @@ __all__ = [
     "accept",
     "changes",
     "ledger",
+    "own",
     "show",
     "show_twin",
 ]
@@ -30,6 +31,7 @@ RULES: dict[int, Callable[[Reader], Finding]] = {
     **_rules_highway.RULES,
     **_rules_forecast.RULES,
     **_rules_robot.RULES,
+    **_own.RULES,
 }
 """The rules by row; a row without one is pending, or needs hardware."""
 
@@ -111,14 +113,21 @@ def ledger(root: Path | None = None) -> list[Row]:
     return [_row(claim, root) for claim in CLAIMS]
 
 
+def own(root: Path | None = None) -> list[Row]:
+    """Return the rows of the book's own claims; see `cpl.claims.own`."""
+    return [_row(claim, root) for claim in _own.CLAIMS]
+
+
 def show(numbers: Sequence[int]) -> ClaimsTable:
     """Return the rows of the given numbers, or all; see `cpl.claims.table`."""
-    known = {claim.row: claim for claim in CLAIMS}
+    known = {claim.row: claim for claim in (*CLAIMS, *_own.CLAIMS)}
     for number in numbers:
         if number not in known:
-            msg = f"rows must lie in [1, {len(CLAIMS)}], got {number!r}"
+            msg = f"rows must lie in [1, {len(known)}], got {number!r}"
             raise ValueError(msg)
-    return ClaimsTable(tuple(_row(known[number], None) for number in numbers or known))
+    return ClaimsTable(
+        tuple(_row(known[number], None) for number in numbers or range(1, len(CLAIMS) + 1))
+    )
 
 
 def show_twin() -> TwinTable:
@@ -132,14 +141,14 @@ def changes(root: Path | None = None) -> dict[int, tuple[str, str]]:
     before = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     return {
         row.row: (before.get(str(row.row), "none"), row.verdict)
-        for row in ledger(root)
+        for row in (*ledger(root), *own(root))
         if before.get(str(row.row), "none") != row.verdict
     }
 
 
 def accept(root: Path | None = None) -> Path:
     """Write the verdicts of now; see `cpl.claims.accept`."""
-    verdicts = {str(row.row): row.verdict for row in ledger(root)}
+    verdicts = {str(row.row): row.verdict for row in (*ledger(root), *own(root))}
     return atomic_write(_committed(root), json.dumps(verdicts, indent=1) + "\n")
 
 

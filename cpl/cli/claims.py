@@ -29,11 +29,11 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Print the ledger, then what changed."""
-    from cpl.claims import accept, changes, ledger
+    from cpl.claims import accept, changes, ledger, own
     from cpl.store import DamagedResultError
 
     try:
-        rows = ledger()
+        rows = [*ledger(), *own()]
         if args.accept:
             accept()
         changed = changes()

@@ -1,8 +1,6 @@
 """A method beside a whole curve of rivals, where both cost the same."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,9 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 from cpl.stats.bootstrap import Weights, interval, sums
 from cpl.stats.estimates import Estimate
 from cpl.stats.fronts import at_levels
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 __all__ = ["Ratio", "beside_curve", "ratio"]
 
@@ -32,34 +27,30 @@ class Ratio:
     under: Floats
 
 
-def ratio(
-    table: "pd.DataFrame", over: str, under: str, *, by: Sequence[str] = ("pair", "stream")
-) -> Ratio:
-    """Add rows up over groups, units and, if named, the points of a curve.
+def ratio(over: ArrayLike, under: ArrayLike, *labels: ArrayLike) -> Ratio:
+    """Add rows up over groups, units and, if given, the points of a curve.
 
     Args:
-        table: One row or more for each of them.
-        over: Column of what is counted.
-        under: Column of what it is divided by.
-        by: Columns of groups, units and, third, of the curve's points.
+        over: What is counted, one a row.
+        under: What it is divided by, one a row.
+        labels: Each row's group, its unit and, for a curve, its point.
 
     Raises:
         ValueError: If some unit has no row.
 
     Examples:
-        >>> import pandas as pd
-        >>> rows = pd.DataFrame({"pair": [0, 0, 1], "stream": [5, 5, 5], "hits": 1, "n": 4})
-        >>> ratio(rows, "hits", "n").over.tolist()
+        >>> ratio([1, 1, 1], [4, 4, 4], [0, 0, 1], [5, 5, 5]).over.tolist()
         [[2.0], [1.0]]
     """
-    found = table.groupby(list(by), sort=True)[[over, under]].sum()
-    shape = [len(np.unique(table[name])) for name in by]
-    if len(found) != np.prod(shape):
-        raise ValueError(
-            f"table must have rows for all of {tuple(by)}, got {len(found)} of {shape}"
-        )
-    each = found.to_numpy(np.float64).reshape(*shape, 2)
-    return Ratio(over=each[..., 0], under=each[..., 1])
+    places = [np.unique(np.asarray(label), return_inverse=True) for label in labels]
+    shape = tuple(len(names) for names, _ in places)
+    at = tuple(inverse for _, inverse in places)
+    sums_of = [np.zeros(shape), np.zeros(shape), np.zeros(shape)]
+    for total, values in zip(sums_of, (over, under, np.ones(len(at[0]))), strict=True):
+        np.add.at(total, at, np.asarray(values, np.float64))
+    if not sums_of[2].all():
+        raise ValueError(f"labels must meet in all {shape} combinations, got some without a row")
+    return Ratio(over=sums_of[0], under=sums_of[1])
 
 
 def beside_curve(

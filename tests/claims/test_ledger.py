@@ -206,8 +206,8 @@ def test_the_table_for_a_page():
     assert "false as printed, true as corrected (paper inconsistent)" in shown
     assert shown == table(1, 4, 42)._repr_markdown_()
     assert len(str(table()).splitlines()) == 52
-    with pytest.raises(ValueError, match="got 51"):
-        table(51)
+    with pytest.raises(ValueError, match="got 54"):
+        table(54)
 
 
 def test_values_are_plain_numbers(rows):
