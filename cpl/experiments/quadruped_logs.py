@@ -54,11 +54,12 @@ class Config:
                 raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
 
 
-SHIPPED = {"folders": ("quadruped",), "sha256": ("c37b1d3e925c",)}
+FOLDERS = ("quadruped", "quadruped-legged")
+SHA256 = ("c37b1d3e925c", "485784318538")
 PROFILES = {
-    "smoke": Config(**SHIPPED, repeats=2, resamples=20),
-    "book": Config(**SHIPPED),
-    "paper": Config(**SHIPPED),
+    "smoke": Config(folders=FOLDERS, sha256=SHA256, repeats=2, resamples=20),
+    "book": Config(folders=FOLDERS, sha256=SHA256),
+    "paper": Config(folders=FOLDERS, sha256=SHA256),
 }
 
 
@@ -97,11 +98,11 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     if (found := digest(folder)[:12]) != shard.text("sha256"):
         raise ValueError(f"sha256 of {folder} must be {shard.text('sha256')}, not {found}")
     runs = read_runs(data_path("logs", folder), strict=True)
-    summary = runs.summary[runs.summary["config.repeat"] < config.repeats]
-    table = runs.table[runs.table["run"].isin(summary["run"])].reset_index(drop=True)
+    summary = runs.summary.query("`config.repeat` < @config.repeats")
+    table = runs.table.merge(summary[["run"]], on="run")
     rows = pd.concat(_asked(table, summary, config), ignore_index=True)
     rows.insert(0, "folder", folder)
-    rows.insert(1, "provenance", str(summary["provenance"].iloc[0]))
+    rows.insert(1, "provenance", str(runs.summary["provenance"].tolist()[0]))
     names = ["folder", "provenance", "row", "number", "shape", "part", "value", "low", "high", "n"]
     rows["n"] = rows["n"].astype("int64")
     return rows.reindex(columns=names)
@@ -113,10 +114,11 @@ def _asked(table: pd.DataFrame, summary: pd.DataFrame, config: Config) -> Iterat
     scored = analysis.score_runs(table, summary, W=config.W)
     for value in VALUES:
         rows = analysis.effects(scored, value).assign(number=value)
-        yield rows.assign(row=46 if value == "duration_s" else rows["shape"].map(ROWS))
+        of_shape = [46 if value == "duration_s" else ROWS[shape] for shape in rows["shape"]]
+        yield rows.assign(row=of_shape)
     judged = analysis.judged(table, summary, seed, resamples=resamples)
-    of_row = judged["number"].map({"false_positive_rate": 46, "false_alarms": 46}).fillna(45)
-    yield judged.rename(columns={"range": "part"}).assign(row=of_row.astype("int64"))
+    of_number = [46 if number.startswith("false") else 45 for number in judged["number"]]
+    yield judged.rename(columns={"range": "part"}).assign(row=of_number)
     covered = analysis.coverage_beside_bound(table, summary, W=config.W)
     windows = analysis.windows_covered(covered, summary, seed, resamples=resamples)
     kept = windows.rename(columns={"range": "part", "reached": "value"})

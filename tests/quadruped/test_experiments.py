@@ -134,6 +134,7 @@ def test_what_the_shipped_logs_say_has_each_number_once():
     table = published("quadruped_logs").table
     cell = ["folder", "row", "number", "shape", "part"]
     assert not table.duplicated(cell).any()
+    assert set(table["provenance"]) == {"simulated-kinematic", "simulated-legged"}
     assert set(table["row"]) == set(range(42, 50))
     known = table.dropna(subset=["low"])
     assert (known["low"] <= known["value"] + 1e-9).all()

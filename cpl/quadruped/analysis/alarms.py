@@ -109,13 +109,13 @@ def overruled(
         logs do not say.
     """
     columns = ["number", "value", "low", "high", "n"]
-    rows = foreseen(table, summary)
-    rows = rows[rows["policy"] == policy].reset_index(drop=True)
+    rows = foreseen(table, summary).query("policy == @policy").reset_index(drop=True)
     if not len(rows):
         return pd.DataFrame(columns=columns)
-    alarm = (rows["l_hat"] + rows["q"] >= q_safe).to_numpy()
-    pairs = zip(rows["l_hat"], rows["q"], strict=True)
-    over = alarm & np.array([false_positive(l_hat, q, q_safe=q_safe) for l_hat, q in pairs])
+    l_hat, q = (rows[name].to_numpy(dtype=np.float64) for name in ("l_hat", "q"))
+    alarm = l_hat + q >= q_safe
+    pairs = zip(l_hat.tolist(), q.tolist(), strict=True)
+    over = alarm & np.array([false_positive(*pair, q_safe=q_safe) for pair in pairs])
     kinds = {"true": over, "kept": alarm & ~over, "none": ~alarm}
     error = rows["error"].to_numpy(dtype=np.float64)
 

@@ -137,7 +137,7 @@ def failure_odds(
     steps = _moves(table).dropna()
     if not len(steps):
         return pd.DataFrame(columns=columns)
-    path = steps["run"].map(of_run).to_numpy()
+    path = np.array([of_run[run] for run in steps["run"]])
     order = (*SHAPES, *sorted(set(path)))
     shapes = sorted(set(path), key=order.index)
     terms = {name: steps[of].to_numpy() / unit for name, (of, unit) in TERMS.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -39,7 +39,7 @@ def foreseen(table: pd.DataFrame, summary: pd.DataFrame) -> pd.DataFrame:
     of_run = {row["run"]: row for row in summary.to_dict("records")}
     for name in ("shape", "range", "policy"):
         known = {run: said(row, f"config.{name}", "") for run, row in of_run.items()}
-        rows[name] = rows["run"].map(known)
+        rows[name] = [known[run] for run in rows["run"]]
     rows["error"] = (rows["slam_error"] != 0).astype(np.float64)
     return rows.reindex(columns=columns)
 
@@ -72,9 +72,10 @@ def judged(
     """
     rows = foreseen(table, summary)
     found: list[dict[str, Any]] = []
-    for (shape, gains), part in rows.groupby(["shape", "range"]):
+    for key, part in rows.groupby(["shape", "range"]):
+        shape, gains = cast("tuple[str, str]", key)
         for number in NUMBERS:
-            rng = stream(seed, "judged", str(shape), str(gains), number)
+            rng = stream(seed, "judged", shape, gains, number)
             told = resampled(part, _STATISTIC[number](q_safe), rng, resamples=resamples)
             ends = {"value": told.value, "low": told.low, "high": told.high, "n": told.n}
             found.append({"shape": shape, "range": gains, "number": number} | ends)

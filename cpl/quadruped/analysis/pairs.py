@@ -127,7 +127,8 @@ def effects(
     columns = ["shape", "part", "value", "low", "high", "n"]
     if not {treated, control} <= set(wide.columns):
         return pd.DataFrame(columns=columns)
-    pairs = (wide[treated] - wide[control]).dropna().rename("change").reset_index()
+    change = (wide[treated] - wide[control]).dropna()
+    pairs = pd.DataFrame({"change": change}).reset_index()
     change = pairs.pivot_table(index=["shape", "repeat"], columns="range", values="change")
     for shape in ["all", *sorted(set(pairs["shape"]))]:
         part = change if shape == "all" else change.xs(shape, level="shape")

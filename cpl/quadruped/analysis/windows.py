@@ -115,16 +115,18 @@ def windows_covered(
     of_run = {row["run"]: row for row in summary.to_dict("records")}
     for name in ("shape", "range", "policy"):
         known = {run: said(row, f"config.{name}", "") for run, row in of_run.items()}
-        rows[name] = rows["run"].map(known)
-    rows = rows[rows["policy"] == policy]
-    groups = [(gains, "all", part) for gains, part in rows.groupby("range")]
-    groups += [(gains, shape, part) for (gains, shape), part in rows.groupby(["range", "shape"])]
+        rows[name] = [known[run] for run in rows["run"]]
+    rows = rows.query("policy == @policy")
+    groups = [(str(gains), "all", part) for gains, part in rows.groupby("range")]
+    for gains, _, of_range in list(groups):
+        groups += [(gains, str(shape), part) for shape, part in of_range.groupby("shape")]
     found: list[dict[str, Any]] = []
     for gains, shape, part in groups:
-        rng = stream(seed, "windows", str(gains), str(shape))
+        rng = stream(seed, "windows", gains, shape)
         told = resampled(part, _mean_reached, rng, resamples=resamples, stratum="shape")
-        whole = part.groupby("run")["reached"].min().mean()
-        row = {"shape": shape, "range": gains, "coverage": part["coverage"].mean()}
+        whole = np.mean([each["reached"].to_numpy().min() for _, each in part.groupby("run")])
+        mean = float(np.mean(part["coverage"].to_numpy()))
+        row: dict[str, Any] = {"shape": shape, "range": gains, "coverage": mean}
         row |= {"reached": told.value, "low": told.low, "high": told.high}
         found.append(row | {"whole": float(whole), "n": told.n})
     return pd.DataFrame(found, columns=columns)

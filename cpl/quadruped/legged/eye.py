@@ -59,7 +59,8 @@ class Eye:
         """
         total = sum(self._flat(pose).astype(np.float32) for pose in poses)
         flat = np.asarray(total, dtype=np.float32) / len(poses)
-        return cv2.remap(flat, self._u, self._v, cv2.INTER_LINEAR, borderValue=0.0)
+        seen = cv2.remap(flat, self._u, self._v, cv2.INTER_LINEAR, borderValue=0.0)
+        return seen.astype(np.float32, copy=False)
 
     def close(self) -> None:
         """Give the renderer's memory back."""
