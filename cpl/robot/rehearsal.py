@@ -6,6 +6,7 @@ runs and the evaluation go in accelerated time, through the same drivers and dat
 
 from __future__ import annotations
 
+import io
 import json
 import multiprocessing
 import os
@@ -16,7 +17,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from cpl.logs import read_run
 from cpl.quadruped import Path as Course
@@ -121,13 +122,14 @@ def rehearse(rehearsal: Rehearsal, folder: Path, say: Say) -> Path:
     return folder / "evaluate"
 
 
-def real_time(rehearsal: Rehearsal, folder: Path, say: Say) -> Walked:
+def real_time(rehearsal: Rehearsal, folder: Path, say: Say, screen: TextIO | None = None) -> Walked:
     """Walk the pre-flight list and then a short run, in real time, through all processes.
 
     Args:
         rehearsal: How.
         folder: For the logs.
         say: Is told what happens.
+        screen: Where the run is shown; standard error unless given.
 
     Raises:
         RobotError: An item failed, or a process did not come up.
@@ -151,7 +153,7 @@ def real_time(rehearsal: Rehearsal, folder: Path, say: Say) -> Walked:
         _all_ok([watchdog_trips(there.robot)], say)
     say(f"\nA run in real time, at most {rehearsal.seconds:g} s, watchdog on the {stage.placement}")
     with emulated(replace(stage, faults=rehearsal.faults), place) as there:
-        view = View(plan.course, (plan.kp_min, plan.kp_max))
+        view = View(plan.course, (plan.kp_min, plan.kp_max), out=screen)
         with urgent() as priority:
             walked = perform(there.robot, plan, place, watch=view)
         stream = there.base
@@ -181,10 +183,22 @@ def transcript(rehearsal: Rehearsal) -> str:
     lines: list[str] = []
     with tempfile.TemporaryDirectory() as folder:
         try:
-            real_time(rehearsal, Path(folder), lines.append)
+            real_time(rehearsal, Path(folder), lines.append, _Page(lines))
         except RobotError as error:
             lines.append(f"refused: {error}")
     return "\n".join(lines).strip()
+
+
+class _Page(io.StringIO):
+    """A screen that is a list of lines."""
+
+    def __init__(self, lines: list[str]) -> None:
+        super().__init__()
+        self._lines = lines
+
+    def write(self, text: str, /) -> int:
+        self._lines.append(text.rstrip("\n"))
+        return len(text)
 
 
 def accelerated(
