@@ -97,7 +97,7 @@ def drive(
         safe = chooser(moment)
         log.decide(plan, moment, safe, ahead.l_tilde)
         out = engine.step(_actions(drivers, safe, obs))
-        obs, step = out.obs, step + 1
+        obs, step = out.obs, step + plan.active  # a road without an episode stands still
         log.score(*ahead.learn(engine, step, plan.active))
         log.speeds(out.info.speed)
         ended = (out.terminated | out.truncated) & plan.active

@@ -143,6 +143,19 @@ def test_another_uncertainty_takes_the_quantile_s_place():
     assert (rides["scored"] > 0).any()
 
 
+def test_roads_that_wait_for_the_last_episode_do_not_count_on():
+    """More roads than are needed at the end: their clocks must not run past an episode's length."""
+    seen = []
+
+    def watching(moment):
+        seen.append(moment.step.max())
+        return np.ones(len(moment.step), dtype=bool)
+
+    road = replace(ROAD, duration=5.0)
+    drive(road, DRIVERS, watching, SEEDS, n_envs=8)
+    assert max(seen) == 5
+
+
 def test_nothing_is_forecast_without_a_forecaster():
     rides = drive(ROAD, DRIVERS, Always([True, False]), SEEDS, settings=2).episodes
     assert rides[["u_sum", "scored", "missed"]].to_numpy().sum() == 0
