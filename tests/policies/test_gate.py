@@ -320,3 +320,34 @@ def test_impossible_settings_are_refused(settings, message):
 def test_observations_that_cannot_be_looked_ahead_from_are_refused():
     with pytest.raises(ValueError, match="road must show"):
         Gate(replace(PAPER, absolute=True), 1, Constant(1.0, 1))
+
+
+def test_the_closed_loop_keeps_the_accounts_and_the_walls():
+    """The chapter's theorem: whatever is driven, misses are where the quantile has gone."""
+    alpha, eta, h, n = 0.1, 0.5, 3, 8
+    margin = Tracked(Fixed(eta=eta), n, alpha=alpha, q0=0.5, memory=10)
+    road = replace(PAPER, observation_noise=0.01, vehicles_count=20)
+    engine, gate = Engine(road, n), Gate(road, n, margin)
+    rng, begins = np.random.default_rng(0), margin.tracker.q
+    scored = missed = np.zeros(n)
+    scaled = [np.array([0.5])]
+    for episode in range(4):
+        obs, active = engine.reset(np.arange(n) + n * episode), np.ones(n, np.bool_)
+        gate.begin()
+        for _ in range(20):
+            scale = gate._issued[:, -1, 2]
+            actions = gate(obs, rng.normal(size=(n, 5)), active)  # any base policy will do
+            known = gate.sight.scored
+            assert np.array_equal(gate.sight.missed, margin.missed)
+            scaled.append(gate.sight.outcome.errors[known, -1] / scale[known])
+            scored, missed = scored + known, missed + margin.missed
+            q = margin.tracker.q
+            assert np.allclose(eta * (missed - alpha * scored), q - begins, atol=1e-9)
+            low, high = (f(np.concatenate(scaled)) for f in (np.min, np.max))
+            assert (q <= high + h * (1 - alpha) * eta + 1e-9).all()
+            assert (q >= low - h * alpha * eta - 1e-9).all()
+            assert (np.abs(missed - alpha * scored) <= (high - low) / eta + h + 1e-9).all()
+            out = engine.step(actions)
+            obs, active = out.obs, active & ~out.info.crashed
+    assert (scored > 20).all()
+    assert 0 < missed.sum() < 0.5 * scored.sum()
