@@ -38,9 +38,9 @@ def _rises(read: Reader) -> Finding:
 
 def _overconfident(read: Reader) -> Finding:
     table = read("forecasts").table
-    rows = table[(table["quantity"] == "coverage_raw") & (table["policy"] == "both")]
-    wide = rows[rows["top_speed_mps"] > rows["top_speed_mps"].min()]
-    claimed = wide[wide["subject"].isin(["dropout", "ensemble", "hau"])]
+    rows = table.loc[(table["quantity"] == "coverage_raw") & (table["policy"] == "both")]
+    wide = rows.loc[rows["top_speed_mps"] > rows["top_speed_mps"].min()]
+    claimed = wide.loc[wide["subject"].isin(["dropout", "ensemble", "hau"])]
     found = [
         mean_interval(part["value"]) for _, part in claimed.groupby(["subject", "top_speed_mps"])
     ]
@@ -58,8 +58,8 @@ def _overconfident(read: Reader) -> Finding:
 
 def _converged(read: Reader) -> Finding:
     source = read("forecasts")
-    plain = source.table[source.table["subject"] == "plain"]
-    losses = plain[plain["quantity"] == "validation_loss"]
+    plain = source.table.loc[source.table["subject"] == "plain"]
+    losses = plain.loc[plain["quantity"] == "validation_loss"]
     slopes = [
         float(np.polyfit(part["epoch"][-_LATE:], np.log(part["value"][-_LATE:]), 1)[0])
         for _, part in losses.groupby("pair")

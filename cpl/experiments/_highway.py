@@ -128,10 +128,9 @@ def tracking_of(setup: Setup) -> Tracking:
 
 def needs(setup: Setup, pair: int) -> list[Need]:
     """Ask for the policies and the forecasters of one pair, be it one that nobody trained yet."""
-    policies, networks = (
-        replace(profile, pairs=max(profile.pairs, pair + 1))
-        for profile in (base_policies.PROFILES[setup.models], forecasts.PROFILES[setup.models])
-    )
+    policies, networks = base_policies.PROFILES[setup.models], forecasts.PROFILES[setup.models]
+    policies = replace(policies, pairs=max(policies.pairs, pair + 1))
+    networks = replace(networks, pairs=max(networks.pairs, pair + 1))
     return [need_base_policies(policies, [pair]), need_forecasts(networks, [pair])]
 
 
