@@ -19,10 +19,38 @@ from cpl.figures.style import (
     span,
 )
 
-__all__ = ["coverage", "episode", "frontier", "margins"]
+__all__ = ["coverage", "episode", "frontier", "margins", "rates"]
 
 _LANE_M = 4.0
 _NAMES = {"constant": "a constant margin", "quantile": "the tracked quantile"}
+
+
+def rates(table: pd.DataFrame, *by: str) -> pd.DataFrame:
+    """Add up sums by some columns and divide.
+
+    Args:
+        table: Rows of `gate_stream`, `gate_controls` or `gate_attempts`.
+        by: Columns that stay apart.
+
+    Returns:
+        Those columns and `episodes`, `crash_rate`, `speed_mps`, `coverage` (NaN where nothing was
+        scored).
+
+    Example:
+        >>> rows = pd.DataFrame({"method": ["a", "a"], "episodes": [2, 2], "crashes": [1, 0],
+        ...     "steps": [10, 30], "speed_sum": [200.0, 900.0], "scored": [4, 4], "missed": [1, 0]})
+        >>> found = rates(rows, "method").to_dict("list")
+        >>> found["crash_rate"], found["speed_mps"], found["coverage"]
+        ([0.25], [27.5], [0.875])
+    """
+    columns = ["episodes", "crashes", "steps", "speed_sum", "scored", "missed"]
+    sums = table.groupby(list(by), sort=False)[columns].sum().reset_index()
+    scored = sums["scored"].where(sums["scored"] > 0)
+    return sums[[*by, "episodes"]].assign(
+        crash_rate=sums["crashes"] / sums["episodes"],
+        speed_mps=sums["speed_sum"] / sums["steps"],
+        coverage=1 - sums["missed"] / scored,
+    )
 
 
 @drawn

@@ -27,7 +27,7 @@ SLOWER, FASTER, IDLE, LEFT, RIGHT = 4, 3, 1, 0, 2
 
 
 @njit(cache=True, error_model="numpy")
-def look(
+def look(  # noqa: C901 - one loop, compiled as one
     cars: np.ndarray,
     ego: np.ndarray,
     levels: np.ndarray,
@@ -205,7 +205,7 @@ def _followed(cars: np.ndarray, vx: float, dt: float, j: int, k: int, ahead: np.
 
 
 @njit(cache=True, error_model="numpy")
-def associate(
+def associate(  # noqa: C901 - one loop, compiled as one
     cars: np.ndarray,
     seen: int,
     ego: np.ndarray,
@@ -305,7 +305,7 @@ def associate(
 
 
 @njit(cache=True, error_model="numpy")
-def score(
+def score(  # noqa: C901 - one loop, compiled as one
     cars: np.ndarray,
     seen: int,
     place: np.ndarray,
@@ -323,7 +323,12 @@ def score(
     """Compare what was forecast h decisions ago for now with what is seen now, h = 1 ... horizon.
 
     Args:
-        cars: As in `associate`, as are `seen`, `place`, `age`, `past` and `past_id`.
+        cars: As in `associate`.
+        seen: As in `associate`.
+        place: As in `associate`.
+        age: As in `associate`.
+        past: As in `associate`.
+        past_id: As in `associate`.
         identity: Whom the rows show, (n, m).
         weight: As in `look`.
         kind: Error of a forecast: 0 the largest over the cars of forecast less seen clearance, 1

@@ -31,8 +31,8 @@ class GateConfig:
             (the same of the size of the error) or "clearance" (of the nearest car).
         memory: Decisions for which a car that is not seen any more is still reckoned with
             [decisions].
-        filtered: Standard deviation of the observation's noise that a Kalman filter reckons with, in
-            units of the observation; 0 takes what is seen as it is [-].
+        filtered: Standard deviation of the observation's noise that a Kalman filter reckons
+            with, in units of the observation; 0 takes what is seen as it is [-].
         radius: From this weighted distance on, a row does not show the car forecast there [m].
         far: Clearance that counts where nobody is seen [m].
     """
