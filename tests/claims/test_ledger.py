@@ -19,6 +19,7 @@ CORRECTED = "false as printed, true as corrected"
 VERDICTS = {
     1: "holds", 2: "holds", 3: "holds", 4: CORRECTED, 5: CORRECTED, 6: CORRECTED,
     7: "holds in part", 8: "holds", 9: "holds", 15: "holds in part", 16: "holds",
+    17: "holds in part",
     50: "holds",
 }  # fmt: skip
 
@@ -124,6 +125,11 @@ MUTATIONS = [
     (15, "speed_cap", lambda t: t.assign(speed_mps=t.top_mps)),
     (15, "speed_cap", lambda t: t.assign(speed_mps=-t.speed_mps)),
     (15, "speed_cap", lambda t: t.assign(lanes_count=3)),
+    (
+        17,
+        "base_policies",
+        lambda t: t.assign(episode_return=t.episode_return * (t.kind == "speed")),
+    ),
     (16, "proximity", lambda t: t.assign(l_tilde=-t.l_tilde)),
     (16, "proximity", lambda t: t.assign(l_tilde=1 - t.l_tilde)),
     (16, "proximity", lambda t: t.assign(l_tilde=t.l_tilde * (t.index != 700))),
