@@ -153,10 +153,10 @@ def _quadruped(config: Config) -> pd.DataFrame:
     by = {name: rows["score"].dropna().to_numpy() for name, rows in runs.table.groupby("run")}
     rows = []
     for policy in _POLICIES:
-        order = runs.summary[runs.summary["config.policy"] == policy].sort_values(
+        order = runs.summary[runs.summary["config.policy"] == policy].sort_values(  # pyright: ignore
             ["config.range", "config.repeat", "config.shape"]  # "in" before "out"
         )
-        inside = int((order["config.range"] == "in").sum())
+        inside = int((order["config.range"] == "in").sum())  # pyright: ignore
         scores = [by[name] for name in order["run"]]
         found = frozen_coverage(
             np.concatenate(scores),

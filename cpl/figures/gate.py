@@ -1,6 +1,7 @@
 """Pictures of the look-ahead: margin and error in time, one episode twice, trade-offs, coverage."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -44,7 +45,7 @@ def rates(table: pd.DataFrame, *by: str) -> pd.DataFrame:
         ([0.25], [27.5], [0.875])
     """
     columns = ["episodes", "crashes", "steps", "speed_sum", "scored", "missed"]
-    sums = table.groupby(list(by), sort=False)[columns].sum().reset_index()
+    sums: Any = table.groupby(list(by), sort=False)[columns].sum().reset_index()
     scored = sums["scored"].where(sums["scored"] > 0)
     return sums[[*by, "episodes"]].assign(
         crash_rate=sums["crashes"] / sums["episodes"],
@@ -62,7 +63,7 @@ def margins(ride: pd.DataFrame) -> Card:
     """
     figure, panels = cards(2, 5.6)
     for axes, (method, name) in zip(panels, _NAMES.items(), strict=True):
-        own = ride[(ride["method"] == method) & (ride["car"] == 0)].reset_index(drop=True)
+        own: Any = ride[(ride["method"] == method) & (ride["car"] == 0)].reset_index(drop=True)
         error, margin = own["error_m"].to_numpy(), own["margin_m"].to_numpy()
         axes.plot(error, ".", color=GREY, markersize=3)
         axes.plot(margin, color=BLUE if method == "quantile" else GREEN)
@@ -86,7 +87,7 @@ def episode(ride: pd.DataFrame, number: int) -> Card:
     """
     figure, panels = cards(2, 5.6)
     for axes, (method, name) in zip(panels, _NAMES.items(), strict=True):
-        rows = ride[(ride["method"] == method) & (ride["episode"] == number)]
+        rows: Any = ride[(ride["method"] == method) & (ride["episode"] == number)]
         ego = rows[rows["car"] == 0]
         others = rows[rows["car"] > 0].merge(
             ego[["step", "y_m"]].rename(columns={"y_m": "own_y_m"}), on="step"
@@ -147,7 +148,7 @@ def coverage(windows: pd.DataFrame) -> Card:
         len(logs), 1.0 + 0.27 * sum(sizes) + 0.5 * len(logs), ratios=sizes, share_x=True
     )
     for axes, log in zip(panels, logs, strict=True):
-        rows = windows[windows["log"] == log].reset_index(drop=True)
+        rows: Any = windows[windows["log"] == log].reset_index(drop=True)
         places = np.arange(len(rows))[::-1]
         off = [rows["coverage"] - rows["low"], rows["high"] - rows["coverage"]]
         wrong = (rows["high"] < rows["nominal"]) | (rows["low"] > rows["nominal"])
