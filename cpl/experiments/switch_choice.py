@@ -102,9 +102,8 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
 
     Returns:
         One row an episode: `pair`, `top_mps`, `policy` (`switch 0.3`: not chosen; `switch chosen`;
-        `switch transferred`: chosen in the range of the training; `none chosen`: without a
-        quantile; `safe`; `speed`),
-        `q_safe`, `seed`, `steps`, `crashed`, `speed_sum` and `last_speed` [m/s], `distance_m`,
+        `switch transferred`: chosen in the range of the training; `none chosen` and `none
+        transferred`: without a quantile; `safe`; `speed`), `q_safe`, `seed`, `steps`, `crashed`, `speed_sum` and `last_speed` [m/s], `distance_m`,
         `overtaken`, `safe_steps`, `scored`, `missed`, and `floor_scored` and `floor_missed`: of the
         scores in windows in which q stayed at or above the threshold, how many there were and how
         many were missed.
@@ -112,7 +111,9 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     pair = shard.number("pair")
     drivers, tracking = drivers_of(inputs, pair), tracking_of(config)
     forecast = forecaster(inputs, "conformal", pair, calibrated=False)
-    found, before = [], _chosen(config, _TRAINING_TOP, drivers, forecast, tracking)
+    found = []
+    before = _chosen(config, _TRAINING_TOP, drivers, forecast, tracking)
+    before_bare = _chosen(config, _TRAINING_TOP, drivers, forecast, None)
     for top in config.tops_mps:
         here = _chosen(config, top, drivers, forecast, tracking)
         bare = _chosen(config, top, drivers, forecast, None)
@@ -125,7 +126,7 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
                 tracking,
             ),
             (["switch transferred"], [before], config.episodes, tracking),
-            (["none chosen"], [bare], config.episodes, None),
+            (["none chosen", "none transferred"], [bare, before_bare], config.episodes, None),
         ):
             rides = drive(
                 road, drivers, Switch(grid), evaluation_seeds(count), settings=len(grid),
