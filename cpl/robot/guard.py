@@ -151,12 +151,10 @@ def guard(state: GuardState, facts: RobotFacts, command: Command, config: GuardC
     ((0.0, 0.0, 0.0), 'battery', 'battery')
     """
     stop = state.stop or _stop(state, facts, config)
-    if stop is Stop.CLOCK or not isfinite(facts.t_s):
-        return _end(replace(state, stop=stop or Stop.CLOCK), Stop.CLOCK.value)
+    if stop is not None:  # the supervisor is not asked: a clock that runs backwards makes it raise
+        return _end(replace(state, stop=stop), stop.value)
     verdict = supervise(state.supervisor, _plain(facts), command, config.supervisor)
-    state = replace(_remember(state, facts, config), supervisor=verdict.state, stop=stop)
-    if stop is not None:
-        return _end(state, stop.value)
+    state = replace(_remember(state, facts, config), supervisor=verdict.state)
     if state.fenced:
         return _end(state, Reason.GEOFENCE.value)
     hold = _hold(state, facts, config)

@@ -177,6 +177,7 @@ class WatchedBase:
                 self._socket.close()
                 if self._process is not None:
                     self._process.kill()
+                    self._process.communicate()
                 raise RobotError(f"the watchdog did not come up: {said}")
 
     def _said(self) -> str:
