@@ -103,10 +103,10 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     Returns:
         One row an episode: `pair`, `top_mps`, `policy` (`switch 0.3`: not chosen; `switch chosen`;
         `switch transferred`: chosen in the range of the training; `none chosen` and `none
-        transferred`: without a quantile; `safe`; `speed`), `q_safe`, `seed`, `steps`, `crashed`, `speed_sum` and `last_speed` [m/s], `distance_m`,
-        `overtaken`, `safe_steps`, `scored`, `missed`, and `floor_scored` and `floor_missed`: of the
-        scores in windows in which q stayed at or above the threshold, how many there were and how
-        many were missed.
+        transferred`: without a quantile; `safe`; `speed`), `q_safe`, `seed`, `steps`, `crashed`,
+        `speed_sum` and `last_speed` [m/s], `distance_m`, `overtaken`, `safe_steps`, `scored`,
+        `missed`, and `floor_scored` and `floor_missed`: of the scores in windows in which q stayed
+        at or above the threshold, how many there were and how many were missed.
     """
     pair = shard.number("pair")
     drivers, tracking = drivers_of(inputs, pair), tracking_of(config)
