@@ -214,6 +214,42 @@ def foretold(table: pd.DataFrame, name: str, *, confidence: float = 0.95) -> lis
     ]
 
 
+def summary(episodes: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """Average over episodes and pairs, with the spread between the pairs.
+
+    Args:
+        episodes: One row an episode with `pair`, `q_safe`, `steps`, `crashed`, `speed_sum`,
+            `distance_m`, `overtaken`.
+        by: What tells the averaged rows apart.
+
+    Returns:
+        The columns of `by`, `q_safe`, `duration_s`, `duration_sd_s` (between the pairs' means),
+        `crash_rate`, `episode_speed_mps`, `step_speed_mps`, `distance_km` and `overtaken`.
+    """
+    named = episodes.assign(
+        duration_s=episodes["steps"].astype(float),
+        crash_rate=episodes["crashed"].astype(float),
+        episode_speed_mps=episodes["speed_sum"] / episodes["steps"],
+        distance_km=episodes["distance_m"] / 1000,
+    )
+    columns = [
+        "q_safe",
+        "duration_s",
+        "crash_rate",
+        "episode_speed_mps",
+        "distance_km",
+        "overtaken",
+    ]
+    grouped = named.groupby(list(by), sort=False)
+    found = pd.DataFrame(grouped[columns].mean())
+    total = pd.DataFrame(grouped[["speed_sum", "steps"]].sum())
+    pairs = pd.DataFrame(named.groupby([*by, "pair"], sort=False)[["duration_s"]].mean())
+    spread = pd.DataFrame(pairs.groupby(list(by), sort=False).std())
+    found.insert(2, "duration_sd_s", spread["duration_s"])
+    found.insert(5, "step_speed_mps", total["speed_sum"] / total["steps"])
+    return found.reset_index()
+
+
 def standing(lead: Estimate) -> str:
     """Say in words where somebody with this lead stands.
 

@@ -11,9 +11,12 @@ from cpl.policies.comparison import (
     estimates,
     foretold,
     leads,
+    standing,
+    summary,
     weights_for,
 )
 from cpl.policies.measures import AXES, MEASURES, SUMS, block_sums, cube, measure, table_of
+from cpl.stats import Estimate
 
 
 def rides(seeds=8, settings=2):
@@ -161,6 +164,24 @@ def test_others_without_a_level_in_common_are_left_out():
     far = rows[rows["method"] == "a"].assign(method="far", steps=100)
     found = leads(pd.concat([rows, far]), "method", "b", ["a", "far"], AXES["paper"])
     assert list(found) == ["a"]
+
+
+def test_a_summary_has_the_spread_between_pairs():
+    both = pd.concat([rides().assign(pair=0), rides().assign(pair=1, steps=20)])
+    row = summary(both.assign(q_safe=0.3, policy="switch"), ["policy"]).iloc[0]
+    assert row["duration_s"] == pytest.approx(22.5)
+    assert row["duration_sd_s"] == pytest.approx(np.std([25.0, 20.0], ddof=1))
+    assert row["step_speed_mps"] == pytest.approx(2 * (282 + 800) / (2 * 45))
+    assert row["crash_rate"] == 0.5
+
+
+def test_a_lead_has_a_word():
+    def words(low, high):
+        return standing(Estimate(value=0.0, low=low, high=high, n=3))
+
+    assert [words(0.1, 1.0), words(-1.0, -0.1), words(-1.0, 1.0)] == [
+        "ahead of", "behind", "level with",
+    ]  # fmt: skip
 
 
 def test_what_is_missing_is_named():
