@@ -7,6 +7,7 @@ look-ahead at the same mean speed, and beside the published setting's constants.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -22,7 +23,16 @@ from cpl.experiments._policies import need_base_policies
 from cpl.experiments._shard import Shard
 from cpl.experiments.base_policies import PROFILES as MODELS
 from cpl.highway import PAPER
-from cpl.policies.gate import Constant, Gate, GateConfig, Margin, Outcome, Stacked, Tracked
+from cpl.policies.gate import (
+    Constant,
+    Decision,
+    Gate,
+    GateConfig,
+    Margin,
+    Outcome,
+    Stacked,
+    Tracked,
+)
 from cpl.policies.gate.margins import Floats
 
 __all__ = ["ATTEMPTS", "EXTENT", "LABEL", "PROFILES", "Config", "run_shard", "shards", "upstream"]
@@ -129,6 +139,10 @@ def _lifted(c: Config, n: int) -> Margin:
     return Quantified(Fixed(eta=c.eta), n, alpha=c.alpha, q0=2.0, memory=c.memory)
 
 
+def _near_misses(epsilon: float) -> Callable[[Config, int], Margin]:
+    return lambda c, n: Decision(n, eta=2.0, epsilon=epsilon, near=0.5, start=4.0)
+
+
 ATTEMPTS: dict[str, tuple[GateConfig, Callable[[Config, int], Margin]]] = {
     "as published": (GateConfig(), _published),
     "error after one second only": (GateConfig(), _horizons((1,))),
@@ -142,6 +156,8 @@ ATTEMPTS: dict[str, tuple[GateConfig, Callable[[Config, int], Margin]]] = {
     "unseen cars forgotten": (GateConfig(memory=0), _published),
     "error of the nearest car": (GateConfig(error="clearance"), _published),
     "size of the error": (GateConfig(error="position"), _published),
+    "decision theory: a near miss in 200 decisions": (GateConfig(), _near_misses(0.005)),
+    "decision theory: a near miss in 1000 decisions": (GateConfig(), _near_misses(0.001)),
 }
 """By name: the look-ahead, and the margin on n roads."""
 
@@ -158,8 +174,7 @@ PROFILES = {
 def shards(config: Config) -> list[Shard]:
     """One attempt and pair a shard."""
     return [
-        Shard(f"{name.replace(' ', '-').replace('(', '').replace(')', '').replace(',', '')}-{pair}",
-              {"attempt": name, "pair": pair})
+        Shard(f"{re.sub(r'[^a-zA-Z0-9]+', '-', name)}-{pair}", {"attempt": name, "pair": pair})
         for name in config.attempts
         for pair in range(config.pairs)
     ]  # fmt: skip
