@@ -88,6 +88,7 @@ def _diagnostic(read: Reader) -> Finding:
     (a, drawn_a), (b, drawn_b) = sums(frozen, weights), sums(tracked, weights)
     drawn = np.array([_rank(missing, row) for row in drawn_a - drawn_b])
     estimate = interval(_rank(missing, a - b), drawn, groups=weights.groups)
+    estimate = replace(estimate, low=max(estimate.low, -1.0), high=min(estimate.high, 1.0))
     return _decided(estimate, parts[1], wanted=1)
 
 

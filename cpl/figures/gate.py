@@ -45,7 +45,8 @@ def rates(table: pd.DataFrame, *by: str) -> pd.DataFrame:
         ([0.25], [27.5], [0.875])
     """
     columns = ["episodes", "crashes", "steps", "speed_sum", "scored", "missed"]
-    sums: Any = table.groupby(list(by), sort=False)[columns].sum().reset_index()
+    grouped: Any = table.groupby(list(by), sort=False)[columns].sum()
+    sums = grouped.reset_index()
     scored = sums["scored"].where(sums["scored"] > 0)
     return sums[[*by, "episodes"]].assign(
         crash_rate=sums["crashes"] / sums["episodes"],
