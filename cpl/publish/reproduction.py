@@ -146,6 +146,8 @@ def _one_seed(whole: Job) -> Any:  # noqa: ANN401 - its own Config
     """Return the settings with a single seed, as far as the experiment allows it."""
     config = whole.config
     for name in {field.name for field in fields(config)} & set(getattr(whole.module, "EXTENT", ())):
+        if type(getattr(config, name)) is not int:  # a list of seeds or parts is no count
+            continue
         try:
             config = replace(config, **{name: 1})
         except ValueError:  # this one needs several, as folds of a cross-validation do
