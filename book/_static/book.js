@@ -24,3 +24,23 @@ document.addEventListener("DOMContentLoaded", () => {
     }
   }
 });
+
+// What scrolls must be reachable by keyboard: wide formulas, once they are set and again when the
+// window changes. A box in a checklist is named by the line it stands in.
+const reachable = () => {
+  for (const formula of document.querySelectorAll('mjx-container[display="true"]')) {
+    const wide = formula.scrollWidth > formula.clientWidth;
+    if (wide) formula.setAttribute("tabindex", "0");
+    else if (formula.getAttribute("tabindex") === "0") formula.removeAttribute("tabindex");
+  }
+};
+window.addEventListener("load", async () => {
+  await window.MathJax?.startup?.promise;
+  reachable();
+});
+window.addEventListener("resize", reachable);
+document.addEventListener("DOMContentLoaded", () => {
+  for (const box of document.querySelectorAll(".task-list-item-checkbox")) {
+    box.setAttribute("aria-label", box.closest("li").textContent.trim());
+  }
+});

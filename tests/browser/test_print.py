@@ -1,19 +1,30 @@
 """The book on paper: one PDF with tags, bookmarks and links that lead somewhere."""
 
+import subprocess
+import sys
+
 import pytest
 
-from cpl.publish.pdf import book_document, write_pdf
 from cpl.store import project_root
 
 pytestmark = pytest.mark.browser
+
+PRINT = """
+import sys
+from pathlib import Path
+from cpl.publish.pdf import book_document, write_pdf
+site, root, target = map(Path, sys.argv[1:])
+write_pdf(site, book_document(site, root / "_toc.yml"), target)
+"""
 
 
 @pytest.fixture(scope="module")
 def printed(site, tmp_path_factory):
     from pypdf import PdfReader
 
-    document = book_document(site, project_root() / "_toc.yml")
-    path = write_pdf(site, document, tmp_path_factory.mktemp("pdf") / "book.pdf")
+    path = tmp_path_factory.mktemp("pdf") / "book.pdf"
+    # In a process of its own: the tests' browser has its event loop in this one.
+    subprocess.run([sys.executable, "-c", PRINT, site, project_root(), path], check=True)
     return PdfReader(path)
 
 
@@ -45,7 +56,7 @@ def test_bookmarks_follow_the_table_of_contents(printed):
 
 def test_text_is_read_in_the_order_of_the_pages(printed):
     text = "\n".join(page.extract_text() for page in printed.pages)
-    order = ["What was found", "The question of this chapter", "Two walls", "Glossary"]
+    order = ["What was found", "Two walls", "Glossary"]
     places = [text.index(words) for words in order]
     assert places == sorted(places)
 
@@ -57,17 +68,18 @@ def test_every_picture_has_a_description(printed):
 
 
 def count_figures(node):
-    """Count the figures of a structure tree, and those with a text in their place."""
-    found = described = 0
-    waiting = [node]
-    while waiting:
-        node = waiting.pop().get_object()
-        if isinstance(node, list):
-            waiting.extend(node)
-        elif isinstance(node, dict):
-            if node.get("/S") == "/Figure":
-                found += 1
-                described += bool(node.get("/Alt"))
-            if "/K" in node:
-                waiting.append(node["/K"])
+    """Count the pictures of a structure tree, and those with a text in their place.
+
+    HTML's figure becomes a figure around the picture's own: the innermost is the picture.
+    """
+    node = node.get_object()
+    if isinstance(node, list):
+        counted = [count_figures(part) for part in node]
+    elif isinstance(node, dict):
+        counted = [count_figures(node["/K"])] if "/K" in node else []
+    else:
+        return 0, 0
+    found, described = (sum(counts) for counts in zip(*counted, strict=True)) if counted else (0, 0)
+    if isinstance(node, dict) and node.get("/S") == "/Figure" and not found:
+        return 1, int(bool(node.get("/Alt")))
     return found, described
