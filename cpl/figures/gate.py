@@ -79,14 +79,18 @@ def margins(ride: pd.DataFrame) -> Card:
 
 
 @drawn
-def episode(ride: pd.DataFrame, number: int) -> Card:
+def episode(ride: pd.DataFrame, number: int | None = None) -> Card:
     """One episode twice: where the seen cars are along the road, those in the own lane marked.
 
     Args:
         ride: What `gate_ride` returns.
-        number: Which episode.
+        number: Which episode; by default the last that the constant margin ended in a crash, or
+            the last of all.
     """
     figure, panels = cards(2, 5.6)
+    if number is None:
+        ends = np.asarray(ride["crashed"] & (ride["method"] == "constant"))
+        number = int(np.asarray(ride["episode"])[ends if ends.any() else ~ends].max())
     for axes, (method, name) in zip(panels, _NAMES.items(), strict=True):
         rows: Any = ride[(ride["method"] == method) & (ride["episode"] == number)]
         ego = rows[rows["car"] == 0]
@@ -96,14 +100,14 @@ def episode(ride: pd.DataFrame, number: int) -> Card:
         near = (others["y_m"] - others["own_y_m"]).abs() < 0.5 * _LANE_M
         axes.plot(others["step"][~near], others["x_m"][~near], ".", color=GREY, markersize=4)
         axes.plot(others["step"][near], others["x_m"][near], "s", color=RED, markersize=4)
-        ends = ego["crashed"].any()
+        crashed = bool(ego["crashed"].any())
         last = int(ego["step"].max()) + 1
         speed = float(ego["speed_mps"].mean())
-        told = f"crash after {last} s" if ends else f"{last} s without a crash"
+        told = f"crash after {last} s" if crashed else f"{last} s without a crash"
         axes.set(ylabel="ahead [m]", ylim=(-15, 100), xlim=(-1, 41))
         axes.set_title(f"{name}: {told}, {speed:.1f} m/s")
         axes.axhline(0, color=INK, linewidth=1)
-        if ends:
+        if crashed:
             axes.plot([last - 1], [0], "X", color=RED, markersize=11)
     panels[-1].set_xlabel("time [s] (squares: in the own lane)")
     return figure
@@ -167,5 +171,5 @@ def coverage(windows: pd.DataFrame) -> Card:
         axes.set_yticks(places, list(rows["part"]))
         axes.set_title(log)
         axes.set_ylim(-0.7, len(rows) - 0.3)
-    panels[-1].set_xlabel("coverage of the frozen margin (dashed: what it was frozen to)")
+    panels[-1].set_xlabel("coverage (dashed: what it was frozen to)")
     return figure

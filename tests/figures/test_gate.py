@@ -38,7 +38,7 @@ def test_margins_name_the_method_its_crashes_and_the_other_world():
 
 
 def test_an_episode_says_how_it_ended_and_marks_the_own_lane():
-    top, bottom = gate.episode(ride(), 1).axes
+    top, bottom = gate.episode(ride()).axes
     assert top.get_title(loc="left").startswith("a constant margin: crash after 2 s")
     assert bottom.get_title(loc="left").startswith("the tracked quantile: 2 s without a crash")
     grey, red = bottom.lines[:2]
