@@ -186,7 +186,7 @@ _ROAD = (
         "200,000 steps",
         "slope of the learning curve at the end, 10 seeds; the specification must match and the "
         "interval contain 0",
-        "switch",
+        "holds",
     ),
     Claim(
         18,
