@@ -2,7 +2,8 @@
 
 A solution is found by its words: runs of some consecutive words that stand in the solution and
 nowhere in what students may read. Pages are compared as text, without markup; notebooks, scripts,
-the search index and archives by what is in them. Images and fonts are skipped by their type.
+the search index and archives by what is in them. Images and fonts are skipped by their type. What
+stands in the package itself is no secret: students install it, and its reference is a page.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+import cpl
 from cpl.publish.course.exercises import solution_texts
 from cpl.publish.course.student import stub, student_text
 
@@ -63,6 +65,8 @@ def _secrets(pages: Mapping[str, str]) -> dict[tuple[str, ...], str]:
     public: set[tuple[str, ...]] = set()
     for text in pages.values():
         public |= _runs(student_text(text))
+    for module in Path(cpl.__file__).parent.rglob("*.py"):
+        public |= _runs(module.read_text(encoding="utf-8"))
     for _, body in solutions:  # students have the code of an answer but for what is marked in it
         for cell in _CELL.finditer(body):
             public |= _runs(stub(cell["code"]))
