@@ -4,6 +4,10 @@ The paper shows coverage in sliding windows of five steps along one rollout (Sec
 Here: pooled over many episodes, with the quantile reset in each or carried on, under each base
 policy and under the switch, in the range of training and beyond it; on all steps, near other cars,
 and just before a crash. Paper: Figures 1 and 3.
+
+The paper does not say at which threshold its switch drove. Here it is the one at which each of the
+two policies drives half of the time, found on validation seeds in the range of training, so that
+both, and the changes between them, make up the steps on which coverage is counted.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -20,10 +24,11 @@ from cpl.experiments._forecasts import forecaster, need_forecasts
 from cpl.experiments._need import Inputs, Need
 from cpl.experiments._policies import base_policy, need_base_policies
 from cpl.experiments._shard import Shard
+from cpl.highway import Config as Road
 from cpl.highway.proximity import proximity
 from cpl.policies.controls import Always
 from cpl.policies.evaluate import Drivers, Forecast, Rides, Tracking, drive
-from cpl.policies.switch import Chooser, Switch, thresholds
+from cpl.policies.switch import Chooser, Switch
 
 __all__ = ["DRIVERS", "EXTENT", "LABEL", "PROFILES", "RTOL", "Config", "rules", "run_shard"]
 __all__ += ["shards", "upstream"]
@@ -33,7 +38,8 @@ EXTENT = ("pairs",)
 RTOL = 1e-6
 DRIVERS = ("safe", "speed", "switch")
 
-_TEST = 20_000_000  # environment seeds of tests; training and validation lie below
+_VALIDATION, _TEST = 10_000_000, 20_000_000  # first environment seeds; training lies below
+_GRID = np.arange(1, 26) / 20  # thresholds that are tried
 _LENGTH, _HORIZON = 5, 3  # observations in a history; [steps] how far the forecast looks
 _BEFORE, _AFTER = 10, 8  # [steps] of the pictures around a crash and around an encounter
 
@@ -49,7 +55,10 @@ class Config:
         models: Profile that trained both.
         episodes: Test episodes of each pair, driver and range; the same environment seeds in all.
         top_speeds_mps: Upper ends of the speed ranges, that of the training first [m/s].
-        q_safe: Threshold of the switch [-].
+        share: Share of decisions that pi_safe is to have under the switch, in the range of training
+            and on validation seeds; its threshold is chosen by that [-].
+        validation: Validation episodes for each threshold that is tried.
+        streams: Streams that the episodes are dealt to where the quantile is carried on.
         alpha: Miscoverage aimed at [-].
         eta: Fixed step [score].
         c: Step as a share of the largest score so far [-].
@@ -57,13 +66,16 @@ class Config:
         C_sat: Its saturation [-].
         window: Steps in a sliding window.
         near_m: A car this close makes a step dangerous [m].
+        margin_mps: How much faster than in the range of training counts as outside [m/s].
     """
 
     pairs: int
     models: str = "paper"
     episodes: int
     top_speeds_mps: tuple[float, ...] = (30.0, 40.0)
-    q_safe: float = 0.6
+    share: float = 0.5
+    validation: int = 40
+    streams: int = 1
     alpha: float = 0.1
     eta: float = 0.1
     c: float = 0.1
@@ -71,14 +83,17 @@ class Config:
     C_sat: float = 5.0
     window: int = 5
     near_m: float = 10.0
+    margin_mps: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("pairs", "episodes", "window"):
+        for name in ("pairs", "episodes", "validation", "streams", "window"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)!r}")
         if self.models not in base_policies.PROFILES.keys() & forecasts.PROFILES.keys():
             raise ValueError(f"models must be a profile of base_policies, got {self.models!r}")
-        thresholds(self.q_safe)
+        for name in ("share", "alpha"):
+            if not 0 < getattr(self, name) < 1:
+                raise ValueError(f"{name} must lie in (0, 1), got {getattr(self, name)!r}")
         rules(self)
 
 
@@ -94,7 +109,7 @@ def rules(config: Config) -> dict[str, Rule]:
 
 
 PROFILES = {
-    "smoke": Config(pairs=1, models="smoke", episodes=6),
+    "smoke": Config(pairs=1, models="smoke", episodes=6, validation=2, streams=2),
     "book": Config(pairs=1, episodes=60),
     "paper": Config(pairs=10, episodes=500),
 }
@@ -124,31 +139,38 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
         `miss`, `q`, `window` (windows with at least 1 - alpha covered), `fed miss` and `q end`
         (the terms of the reset identity, over the scores that were fed back, and over episodes),
         `paired q` (out minus in, over steps that the same environment seed has in both ranges),
-        `q by step`; around a `crash` and an `encounter` (the first car nearer than `near_m`) the
-        `q`, `l_tilde`, `l_hat` and `speed`; and `crashed`, `speed`, `safe` over episodes and steps.
+        `q by step` and `miss by step`; around a `crash` and an `encounter` (the first car nearer
+        than `near_m`) the `q`, `l_tilde`, `l_hat` and `speed`; `crashed`, `speed`, `safe` and
+        `too fast` over episodes and steps; and the switch's `q_safe`. Where the quantile is carried
+        on, the switch drove by the carried one.
     """
     pair = shard.number("pair")
     drivers = Drivers(
         safe=base_policy(inputs, "safe", pair), speed=base_policy(inputs, "speed", pair)
     )
     guess = forecaster(inputs, "conformal", pair, calibrated=False)
+    q_safe = _chosen(config, drivers, guess)
     tables: list[pd.DataFrame] = []
     for name in DRIVERS:
-        within: dict[str, Mapping[int, Floats]] = {}
+        inside: Mapping[int, Floats] | None = None
         for top in config.top_speeds_mps:
-            rides = _driven(config, name, drivers, guess, top)
-            parts = [pd.DataFrame(_plain_rows(rides))]
-            episodes = list(_episodes(rides))
+            rides = _driven(config, name, drivers, guess, top, q_safe)
+            parts = [pd.DataFrame(_plain_rows(config, rides, q_safe if name == "switch" else None))]
+            episodes = carried = list(_episodes(rides))
+            if name == "switch":
+                again = _driven(config, name, drivers, guess, top, q_safe, carry=True)
+                carried = list(_episodes(again))
             for rule_name, rule in rules(config).items():
                 for carry in (False, True):
-                    rows = _tracked(config, episodes, rule, carry)
+                    rows = _tracked(config, carried if carry else episodes, rule, carry)
                     parts.append(pd.DataFrame(rows).assign(rule=rule_name, carry=carry))
             issued = _issued(config, episodes)
+            parts.append(pd.DataFrame(_by_step(episodes, issued)))
             parts.append(pd.DataFrame(_around(config, episodes, issued)))
-            if within:
-                parts.append(pd.DataFrame(_paired(within["q"], issued)))
+            if inside is None:
+                inside = issued
             else:
-                within["q"] = issued
+                parts.append(pd.DataFrame(_paired(inside, issued)))
             joined = pd.concat(parts, ignore_index=True)
             tables.append(joined.assign(pair=pair, driver=name, top_speed_mps=top))
     table = pd.concat(tables, ignore_index=True)
@@ -174,17 +196,57 @@ class _Episode(NamedTuple):
         return np.abs(truth - self.l_hat[: len(truth)])
 
 
-def _driven(config: Config, name: str, drivers: Drivers, guess: Forecast, top: float) -> Rides:
-    always: dict[str, Chooser] = {name: Always([name == "safe"]) for name in DRIVERS[:2]}
+def _road(config: Config, top: float) -> Road:
     base = base_policies.PROFILES[config.models]
-    tracking = Tracking(rule=RunningMax(c=config.c), alpha=config.alpha, delay=_HORIZON)
-    return drive(
-        base_policies.road(replace(base, top_speed_mps=top), "speed"),
+    return base_policies.road(replace(base, top_speed_mps=top), "speed")
+
+
+def _tracking(config: Config, *, carry: bool) -> Tracking:
+    return Tracking(
+        rule=RunningMax(c=config.c),
+        alpha=config.alpha,
+        delay=_HORIZON,
+        carry=carry,
+        streams=config.streams,
+    )
+
+
+def _chosen(config: Config, drivers: Drivers, guess: Forecast) -> float:
+    """The threshold at which pi_safe has its share of the decisions."""
+    told = drive(
+        _road(config, config.top_speeds_mps[0]),
         drivers,
-        always.get(name, Switch(config.q_safe)),
+        Switch(_GRID),
+        _VALIDATION + np.arange(config.validation),
+        settings=len(_GRID),
+        forecast=guess,
+        tracking=_tracking(config, carry=False),
+    ).episodes
+    safe, steps = (
+        told[column].to_numpy(np.float64).reshape(len(_GRID), -1).sum(axis=1)
+        for column in ("safe_steps", "steps")
+    )
+    return float(_GRID[np.argmin(np.abs(safe / steps - config.share))])
+
+
+def _driven(
+    config: Config,
+    name: str,
+    drivers: Drivers,
+    guess: Forecast,
+    top: float,
+    q_safe: float,
+    *,
+    carry: bool = False,
+) -> Rides:
+    always: dict[str, Chooser] = {name: Always([name == "safe"]) for name in DRIVERS[:2]}
+    return drive(
+        _road(config, top),
+        drivers,
+        always.get(name, Switch(q_safe)),
         _TEST + np.arange(config.episodes),
         forecast=guess,
-        tracking=tracking if name == "switch" else None,
+        tracking=_tracking(config, carry=carry) if name == "switch" else None,
         horizon=_HORIZON,
         length=_LENGTH,
         record=True,
@@ -202,22 +264,32 @@ def _episodes(rides: Rides) -> Iterator[_Episode]:
         yield _Episode(seed, bool(crashed[seed]), l_tilde, speed, l_hat[_LENGTH - 1 : -1])
 
 
-def _plain_rows(rides: Rides) -> Iterator[dict[str, object]]:
+def _plain_rows(config: Config, rides: Rides, q_safe: float | None) -> Iterator[dict[str, object]]:
     told, n = rides.episodes, len(rides.episodes)
     steps = int(np.sum(told["steps"].to_numpy()))
     yield {"quantity": "crashed", "value": told["crashed"].sum(), "n": n}
     yield {"quantity": "steps", "value": steps, "n": n}
     yield {"quantity": "speed", "value": told["speed_sum"].sum(), "n": steps}
     yield {"quantity": "safe", "value": told["safe_steps"].sum(), "n": steps}
+    if rides.steps is not None:
+        speed = rides.steps["speed"].to_numpy()  # NaN before the first decision
+        limit = config.top_speeds_mps[0] + config.margin_mps
+        yield {"quantity": "too fast", "value": int(np.sum(speed > limit)), "n": steps}
+    if q_safe is not None:
+        yield {"quantity": "q_safe", "value": q_safe, "n": 1}
 
 
 def _tracked(
     config: Config, episodes: list[_Episode], rule: Rule, carry: bool
 ) -> Iterator[dict[str, object]]:
+    streams = config.streams if carry else 1
+    dealt = [some for first in range(streams) if (some := episodes[first::streams])]
+    how = {"alpha": config.alpha, "carry": carry, "delay": _HORIZON, "bounds": (0.0, 1.0)}
+    tracks = [
+        each for some in dealt for each in track_episodes([e.scores for e in some], rule, **how)
+    ]
+    episodes = [each for some in dealt for each in some]
     scores = [each.scores for each in episodes]
-    tracks = track_episodes(
-        scores, rule, alpha=config.alpha, carry=carry, delay=_HORIZON, bounds=(0.0, 1.0)
-    )
     q = np.concatenate([each.q for each in tracks])
     err = np.concatenate([each.err for each in tracks])
     for group, chosen in _groups(config, episodes).items():
@@ -233,8 +305,8 @@ def _tracked(
 
 def _after(config: Config, scores: Floats, rule: Rule) -> float:
     """The quantile once all that is ever fed back in an episode has been."""
-    known = scores[: max(len(scores) - (_HORIZON - 1), 0)]
-    return float(track(np.append(known, 0.0), rule, alpha=config.alpha).q[-1])
+    with_next = np.append(scores, 0.0)  # whose own score is never known
+    return float(track(with_next, rule, alpha=config.alpha, delay=_HORIZON).q[-1])
 
 
 def _groups(config: Config, episodes: list[_Episode]) -> dict[str, NDArray[np.bool_]]:
@@ -280,16 +352,27 @@ def _paired(inside: Mapping[int, Floats], outside: Mapping[int, Floats]) -> list
     return [_sum("paired q", np.array(sorted(gaps)), group="all")]
 
 
+def _by_step(episodes: list[_Episode], issued: Mapping[int, Floats]) -> Iterator[dict[str, object]]:
+    """Average the default tracker's q and its misses by the step in the episode."""
+    first = _LENGTH - 1
+    for at in range(first, max((len(each.l_tilde) for each in episodes), default=0)):
+        values = [q[at - first] for q in issued.values() if at - first < len(q)]
+        missed = [
+            each.scores[at - first] > issued[each.seed][at - first]
+            for each in episodes
+            if at - first < len(each.scores)
+        ]
+        for quantity, found in (("q by step", values), ("miss by step", missed)):
+            if found:
+                yield _sum(quantity, np.array(found), at=at)
+
+
 def _around(
     config: Config, episodes: list[_Episode], issued: Mapping[int, Floats]
 ) -> Iterator[dict[str, object]]:
-    """Average what is known by step, and by the time to a crash or to an encounter."""
+    """Average what is known by the time to a crash or to an encounter."""
     first = _LENGTH - 1
     near = float(proximity(config.near_m))
-    for at in range(first, max((len(each.l_tilde) for each in episodes), default=0)):
-        values = [q[at - first] for q in issued.values() if at - first < len(q)]
-        if values:
-            yield _sum("q by step", np.array(values), at=at)
     events: dict[str, list[tuple[_Episode, int]]] = {"crash": [], "encounter": []}
     for each in episodes:
         if each.crashed:

@@ -88,6 +88,9 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
         One row a forecast that was checked, by the time it was made: `step`, `l_hat`, `l_tilde`
         (three steps later), `q`, `missed`, `speed_mps`, `safe` (whether pi_safe drove) and
         `crashed` (whether the ride ended so).
+
+    Raises:
+        ValueError: If the ride ends before any forecast can be checked.
     """
     pair = config.pair
     drivers = Drivers(
@@ -106,6 +109,9 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     )
     steps = pd.DataFrame(rides.steps).sort_values("step")
     first, last = _LENGTH - 1, len(steps) - _HORIZON
+    if last <= first:
+        asked = f"ride {shard.number('ride')}, which ends after {len(steps) - 1} s"
+        raise ValueError(f"ride must last {first + _HORIZON} s for a forecast, got {asked}")
     made = steps.iloc[first:last].reset_index(drop=True)
     truth = steps["l_tilde"].to_numpy()[first + _HORIZON :]
     l_hat, q = made["l_hat"].to_numpy(), made["u"].to_numpy()
