@@ -11,7 +11,7 @@ from cpl.claims._reading import Reader, Source
 from cpl.claims._rules_quadruped import IN_THE_TWIN
 from cpl.claims._statements import CLAIMS, Claim
 from cpl.claims._verdicts import Finding, Verdict
-from cpl.store import atomic_write, data_path, read_published
+from cpl.store import DamagedResultError, atomic_write, data_path, read_published
 
 __all__ = [
     "RULES",
@@ -19,6 +19,7 @@ __all__ = [
     "Row",
     "TwinTable",
     "accept",
+    "attempts",
     "changes",
     "ledger",
     "own",
@@ -116,6 +117,23 @@ def ledger(root: Path | None = None) -> list[Row]:
 def own(root: Path | None = None) -> list[Row]:
     """Return the rows of the book's own claims; see `cpl.claims.own`."""
     return [_row(claim, root) for claim in _own.CLAIMS]
+
+
+def attempts(root: Path | None = None) -> tuple[list[Row], dict[int, str]]:
+    """Return the rows that can be decided, and why the others cannot.
+
+    For results that may be too few, such as those of a single training seed.
+    """
+    rows: list[Row] = []
+    undecided: dict[int, str] = {}
+    for claim in (*CLAIMS, *_own.CLAIMS):
+        try:
+            rows.append(_row(claim, root))
+        except DamagedResultError:
+            raise
+        except ValueError as error:
+            undecided[claim.row] = str(error)
+    return rows, undecided
 
 
 def show(numbers: Sequence[int]) -> ClaimsTable:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cpl.cli import UsageError, project_root
+
+if TYPE_CHECKING:
+    from cpl.publish.reproduction import Step
 
 __all__ = ["register", "run"]
 
@@ -19,12 +22,20 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "reproduce",
         help="recompute everything from an empty store and compare the claims",
         description="Every experiment at the paper's own sizes with one training seed, from "
-        "nothing. Stopped, the same command goes on where it was.",
-        epilog="Exit status: 0 every claim agrees, 1 some do not.",
+        "nothing, compared with what is published. Stopped, the same command goes on where it was.",
+        epilog="Exit status: 0 everything agrees, 1 some piece or claim does not.",
     )
     parser.add_argument("experiment", nargs="*", help="only these, with what they rest on")
     parser.add_argument("--profile", default="paper", help="smoke, book or paper (default)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: _build/reproduce")
+    parser.add_argument(
+        "--without",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="leave an experiment out, and say so in the report",
+    )
+    parser.add_argument("--cluster", metavar="ADDRESS", help="dask scheduler, tcp://HOST:PORT")
     parser.add_argument("--workers", type=int, help="processes (default: one a core)")
     parser.add_argument("--dry-run", action="store_true", help="list what would run, and stop")
     parser.add_argument(
@@ -34,28 +45,34 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Compute, then print claim against claim."""
-    from cpl.publish.reproduction import plan, reproduce
+    from cpl.publish.reproduction import plan, reproduce, unpublished
     from cpl.store import atomic_write, data_path
 
     if args.workers is not None and args.workers < 1:
         msg = f"--workers must be positive, got {args.workers}"
         raise UsageError(msg)
     try:
-        steps = plan(args.profile, args.experiment)
+        steps = plan(args.profile, args.experiment, without=args.without)
     except ValueError as error:
         raise UsageError(error) from error
     if args.dry_run:
-        for step in steps:
-            expected = "never timed" if step.expected_s is None else f"{step.expected_s:.1f} s"
-            print(f"{step.experiment}: {len(step.job.pieces)} shards, {expected}")
-        return 0
+        return _expected(steps)
+    chosen = dict.fromkeys(args.without, "by choice")
+    nothing = {} if args.experiment else dict.fromkeys(unpublished(), "nothing published")
     folder = args.out or project_root() / "_build" / "reproduce"
 
     def report(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
 
     try:
-        told = reproduce(steps, folder, workers=args.workers, report=report)
+        told = reproduce(
+            steps,
+            folder,
+            left_out={**nothing, **chosen},
+            workers=args.workers,
+            cluster=args.cluster,
+            report=report,
+        )
     except KeyboardInterrupt:
         print("stopped; the same command goes on from here", file=sys.stderr)
         return 130
@@ -65,23 +82,51 @@ def run(args: argparse.Namespace) -> int:
     return _print(told)
 
 
+def _expected(steps: Sequence[Step]) -> int:
+    """Say what would run and how long it should take."""
+    import os
+
+    for step in steps:
+        expected = "never timed" if step.expected_s is None else f"{step.expected_s:.1f} s"
+        extent = "as published" if step.whole else "one training seed"
+        print(f"{step.experiment}: {len(step.job.pieces)} pieces, {extent}, {expected}")
+    known = sum(step.expected_s or 0.0 for step in steps)
+    unknown = sum(step.expected_s is None for step in steps)
+    cores = os.cpu_count() or 1
+    more = f", and {unknown} experiments never timed" if unknown else ""
+    print(f"{known / 60:.1f} min of work, {known / cores / 60:.1f} min on {cores} cores{more}")
+    return 0
+
+
 def _print(told: Mapping[str, Any]) -> int:
-    """Print claim against claim; return the exit status."""
+    """Print pieces, then claim against claim; return the exit status."""
+    differing = 0
     for step in told["steps"]:
         if step["missing"]:
             print(f"left out: {step['experiment']} ({step['missing']})")
+            continue
+        pieces = step["pieces"]
+        differing += len(pieces["differing"])
+        same = pieces["compared"] - len(pieces["differing"])
+        print(f"{step['experiment']}: {same} of {pieces['compared']} published pieces the same")
+        for line in pieces["differing"]:
+            print(f"  {line}")
+    marks = {True: "agrees", False: "DIFFERS", None: "one seed"}
     for claim in told["claims"]:
-        mark = "agrees" if claim["agrees"] else "DIFFERS"
         published, again = _number(claim["published"]), _number(claim["again"])
-        print(f"{claim['row']:2d}  {mark:8s}{published} {claim['verdict_published']}")
-        print(f"{'':12s}{again} {claim['verdict_again']}")
-    differ = sum(not claim["agrees"] for claim in told["claims"])
+        print(f"{claim['row']:2d}  {marks[claim['agrees']]:10s}{published}")
+        print(f"{'':14s}{again} {claim['reason']}".rstrip())
+    against = [claim["row"] for claim in told["claims"] if claim["agrees"] is False]
     minutes = told["wall_s"] / 60
-    print(f"{len(told['claims'])} claims, {differ} differ; {minutes:.1f} min", file=sys.stderr)
-    return 1 if differ else 0
+    print(
+        f"{differing} pieces differ, {len(against)} of {len(told['claims'])} claims differ; "
+        f"{minutes:.1f} min",
+        file=sys.stderr,
+    )
+    return 1 if differing or against else 0
 
 
-def _number(told: tuple[float | None, float | None, float | None]) -> str:
+def _number(told: Sequence[float | None]) -> str:
     value, low, high = told
     if value is None:
         return "-"

@@ -13,6 +13,11 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     """Add the command to the parser."""
     parser = subparsers.add_parser("status", help="show what is computed, published, stale and why")
     parser.add_argument("experiment", nargs="?", help="its name (default: all)")
+    parser.add_argument(
+        "--record",
+        action="store_true",
+        help="note in data/scale how long each piece took that is in the store",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -21,6 +26,11 @@ def run(args: argparse.Namespace) -> int:
     from cpl.experiments import names
     from cpl.experiments._machinery import experiment
 
+    if args.record:
+        from cpl.experiments._costs import record
+
+        print(f"noted in {record()}")
+        return 0
     try:
         chosen = [args.experiment] if args.experiment else list(names())
         for name in chosen:

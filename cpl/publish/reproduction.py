@@ -1,8 +1,13 @@
-"""Everything again from nothing: each experiment into an empty store, then claim against claim.
+"""Everything again from nothing: each experiment into an empty store, then number against number.
 
 What was published is not read while computing: inputs are recomputed as well. The results go into a
-layer of their own, and the ledger's rules are applied to that layer as they are to the published
-one. So the report says for every claim whether somebody who starts today finds the same.
+layer of their own, which is compared with the published one in two ways:
+
+- piece by piece: a piece of an experiment that is computed again must give the same table;
+- claim by claim: the ledger's rules are applied to that layer as they are to the published one.
+
+One training seed is enough for the first and not for the second: a rule that takes its interval
+over seeds cannot decide on one, and the report then says so instead of a verdict.
 """
 
 from __future__ import annotations
@@ -10,22 +15,23 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cpl.publish._agreement import Claim, Pieces, claims_again, pieces_again
 from cpl.store import atomic_write, machine, source_commit, today
 
 if TYPE_CHECKING:
-    from cpl.claims._ledger import Row
     from cpl.experiments._job import Job
     from cpl.experiments._result import Result
 
-__all__ = ["Claim", "Step", "plan", "reproduce"]
+__all__ = ["Claim", "Pieces", "Step", "plan", "reproduce", "unpublished"]
 
 _PUBLISHED = "paper"
+_SEEDS = ("pairs", "seeds")  # a setting that ends like this counts training seeds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,87 +41,97 @@ class Step:
     Attributes:
         experiment: Its name.
         job: What is run.
-        expected_s: Processor seconds it should take, from those of the published result; None if
-            nothing was published.
+        whole: Whether that is the experiment as it is published; else it has fewer seeds.
+        expected_s: Processor seconds it should take, without what it stands on; None if it was
+            never timed.
     """
 
     experiment: str
     job: Job
+    whole: bool
     expected_s: float | None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Claim:
-    """One claim as published and as found again.
-
-    Attributes:
-        row: Its number in the ledger.
-        claim: What the paper claims.
-        published: Our published number with its interval, as far as there are.
-        again: The same from this reproduction.
-        verdict_published: The published verdict.
-        verdict_again: The verdict from this reproduction.
-        agrees: Whether the intervals meet; the numbers themselves where there is no interval.
-    """
-
-    row: int
-    claim: str
-    published: tuple[float | None, float | None, float | None]
-    again: tuple[float | None, float | None, float | None]
-    verdict_published: str
-    verdict_again: str
-    agrees: bool
-
-
-def plan(profile: str = _PUBLISHED, only: Sequence[str] = ()) -> list[Step]:
-    """List what a reproduction runs: every experiment, with one training seed.
+def plan(
+    profile: str = _PUBLISHED, only: Sequence[str] = (), *, without: Sequence[str] = ()
+) -> list[Step]:
+    """List what a reproduction runs: every published experiment, with one training seed.
 
     Args:
-        profile: Whose sizes; settings that only count seeds (`EXTENT`) are set to 1.
-        only: Names of experiments; all unless given.
+        profile: Whose sizes; settings that count training seeds (``pairs``, ``..._seeds``) are set
+            to 1, everything else stays: episodes, steps, trajectories, folds.
+        only: Names of experiments; all that are published unless given.
+        without: Names of experiments to leave out.
+
+    Returns:
+        The steps, each behind those whose results it needs.
 
     Raises:
         ValueError: If there is no such experiment or profile.
     """
     from cpl.experiments import names
+    from cpl.experiments._costs import expected_seconds
     from cpl.experiments._job import experiment, job, job_of
 
-    steps: list[Step] = []
+    steps: dict[str, Step] = {}
+    for name in without:
+        experiment(name)
+    nothing = set() if only else set(unpublished())
     for name in only or names():
-        offered = tuple(experiment(name).PROFILES)
-        if not only and profile not in offered:
-            continue  # it makes material for a page, no evidence
+        if name in without or name in nothing:
+            continue
         whole = job(name, profile)
         task = job_of(name, f"{profile}+", _one_seed(whole))
-        steps.append(Step(experiment=name, job=task, expected_s=_expected(task)))
-    return steps
+        steps[name] = Step(
+            experiment=name,
+            job=task,
+            whole=task.config == whole.config,
+            expected_s=expected_seconds(name, tuple(task.pieces)),
+        )
+    return _in_order(steps)
+
+
+def unpublished() -> list[str]:
+    """Return the experiments without a published result: there is nothing to compare them with.
+
+    They make material for pages, or recordings, which have a place and a provenance of their own.
+    """
+    from cpl.experiments import names
+    from cpl.store import manifests
+
+    there = {manifest.experiment for manifest in manifests() if manifest.profile == _PUBLISHED}
+    return [name for name in names() if name not in there]
 
 
 def reproduce(
     steps: Sequence[Step],
     folder: Path,
     *,
+    left_out: Mapping[str, str] | None = None,
     workers: int | None = None,
+    cluster: str | None = None,
     report: Callable[[str], None] = print,
 ) -> dict[str, Any]:
-    """Compute everything into a folder, compare the claims, and write `report.json` there.
+    """Compute everything into a folder, compare, and write `report.json` there.
 
-    Stopped and called again with the same folder it goes on where it was.
+    Stopped and called again with the same folder it goes on where it was, and the report says so.
 
     Args:
         steps: From `plan`.
         folder: Holds the store, the results and the report; empty at first.
+        left_out: What is not run, and why: goes into the report.
         workers: Processes; one a core unless given.
+        cluster: Address of a dask scheduler instead.
         report: Told of each step, with an estimate of the time left.
 
     Returns:
-        The report: the machine, the steps with their seconds, the claims.
+        The report: machine, versions, steps with their seconds and pieces, claims.
     """
-    from cpl.claims import ledger
     from cpl.experiments._machinery import run_job
     from cpl.store import WorkStore
 
     store, results = WorkStore(folder / "store"), folder / "results"
+    resumed = store.root.exists()
     begun, done = time.monotonic(), list[dict[str, Any]]()
     with _from_nothing():
         for number, step in enumerate(steps, 1):
@@ -123,36 +139,62 @@ def reproduce(
             report(f"[{number}/{len(steps)}] {step.experiment}{left}")
             start = time.monotonic()
             try:
-                result = run_job(step.job, store=store, workers=workers, quiet=False)
+                result = run_job(
+                    step.job, store=store, workers=workers, cluster=cluster, quiet=False
+                )
             except ModuleNotFoundError as error:  # it needs an extra that is not installed
                 done.append(_told(step, None, time.monotonic() - start, str(error)))
                 continue
             _publish(result, results)
             done.append(_told(step, result, time.monotonic() - start, None))
-    claims = _claims({r.row: r for r in ledger()}, ledger(root=results))
+    claims = claims_again(results, {s.experiment for s in steps if s.whole})
     told = {
         "made": today(),
         "commit": source_commit(),
         "machine": machine(),
+        "workers": workers or os.cpu_count(),
+        "cluster": cluster is not None,
+        "resumed": resumed,
         "wall_s": round(time.monotonic() - begun, 1),
+        "processor_s": round(sum(step["processor_s"] or 0.0 for step in done), 1),
+        "left_out": dict(left_out or {}),
         "steps": done,
         "claims": [asdict(claim) for claim in claims],
     }
-    atomic_write(folder / "report.json", json.dumps(told, indent=1, sort_keys=True) + "\n")
+    text = json.dumps(told, indent=1, sort_keys=True, allow_nan=False)
+    atomic_write(folder / "report.json", text + "\n")
     return told
 
 
 def _one_seed(whole: Job) -> Any:  # noqa: ANN401 - its own Config
-    """Return the settings with a single seed, as far as the experiment allows it."""
+    """Return the settings with a single training seed, as far as the experiment allows it."""
     config = whole.config
-    for name in {field.name for field in fields(config)} & set(getattr(whole.module, "EXTENT", ())):
-        if type(getattr(config, name)) is not int:  # a list of seeds or parts is no count
+    for name in (field.name for field in fields(config)):
+        value = getattr(config, name)
+        if not name.endswith(_SEEDS) or type(value) is not int or value <= 1:
             continue
         try:
             config = replace(config, **{name: 1})
-        except ValueError:  # this one needs several, as folds of a cross-validation do
+        except ValueError:  # this one needs several
             continue
     return config
+
+
+def _in_order(steps: Mapping[str, Step]) -> list[Step]:
+    """Put each step behind those that it stands on."""
+    ordered: dict[str, Step] = {}
+
+    def place(name: str) -> None:
+        if name in ordered or name not in steps:
+            return
+        job = steps[name].job
+        for below in sorted({need.experiment for piece in job.pieces for need in job.needs(piece)}):
+            place(below)
+        ordered[name] = steps[name]
+
+    for name in steps:
+        place(name)
+    return list(ordered.values())
 
 
 @contextmanager
@@ -167,17 +209,6 @@ def _from_nothing() -> Iterator[None]:
             del os.environ["CPL_FRESH"]
         else:
             os.environ["CPL_FRESH"] = before
-
-
-def _expected(task: Job) -> float | None:
-    """Return the published processor seconds of these shards, were they all alike."""
-    from cpl.store import read_manifest
-
-    try:
-        manifest = read_manifest(task.name, _PUBLISHED)
-    except FileNotFoundError:
-        return None
-    return manifest.seconds * len(task.pieces) / len(manifest.shards)
 
 
 def _left(steps: Sequence[Step], at: int, done: Sequence[dict[str, Any]], elapsed_s: float) -> str:
@@ -195,12 +226,14 @@ def _left(steps: Sequence[Step], at: int, done: Sequence[dict[str, Any]], elapse
 def _told(step: Step, result: Result | None, wall_s: float, missing: str | None) -> dict[str, Any]:
     return {
         "experiment": step.experiment,
+        "whole": step.whole,
         "shards": len(step.job.pieces),
         "processor_s": None if result is None else round(result.provenance.seconds, 2),
         "expected_s": None if step.expected_s is None else round(step.expected_s, 2),
         "wall_s": round(wall_s, 2),
         "rows": None if result is None else len(result.table),
         "content": None if result is None else result.provenance.content,
+        "pieces": asdict(pieces_again(step.job, result)) if result else None,
         "missing": missing,
     }
 
@@ -211,34 +244,3 @@ def _publish(result: Result, root: Path) -> None:
     from cpl.store import publish
 
     publish(result.table, replace(manifest_of(result), profile=_PUBLISHED), root=root)
-
-
-def _claims(published: dict[int, Row], again: Sequence[Row]) -> list[Claim]:
-    """Compare the rows that this reproduction could compute."""
-    return [
-        Claim(
-            row=row.row,
-            claim=row.claim,
-            published=(published[row.row].value, published[row.row].low, published[row.row].high),
-            again=(row.value, row.low, row.high),
-            verdict_published=published[row.row].verdict,
-            verdict_again=row.verdict,
-            agrees=_agree(published[row.row], row),
-        )
-        for row in again
-        if row.computed_from
-    ]
-
-
-def _agree(one: Row, other: Row) -> bool:
-    if one.value is None or other.value is None:
-        return one.verdict == other.verdict
-    low, high = _ends(one)
-    other_low, other_high = _ends(other)
-    slack = 1e-6 * max(abs(one.value), abs(other.value))
-    return other_low <= high + slack and low <= other_high + slack
-
-
-def _ends(row: Row) -> tuple[float, float]:
-    value = row.value if row.value is not None else 0.0
-    return (value if row.low is None else row.low, value if row.high is None else row.high)

@@ -1,23 +1,51 @@
-"""From nothing, into a layer of its own, and claim against claim."""
+"""From nothing, into a layer of its own, and number against number."""
 
 import json
+import math
 import os
 from dataclasses import replace
 
 import pytest
 
 from cpl.claims import ledger
-from cpl.publish.reproduction import _agree, _claims, plan, reproduce
+from cpl.cli import main
+from cpl.experiments._job import job_of
+from cpl.experiments._machinery import published
+from cpl.publish._agreement import agree, claims_again, pieces_again
+from cpl.publish.reproduction import plan, reproduce, unpublished
+from cpl.store import PublishedShard, manifests, publish, read_published
 
 
-def test_a_plan_takes_one_seed_and_knows_how_long_it_took():
-    steps = {step.experiment: step for step in plan("paper")}
+@pytest.fixture(scope="module")
+def steps():
+    return {step.experiment: step for step in plan("paper")}
+
+
+def test_a_plan_holds_everything_that_is_published(steps):
+    assert steps.keys() == {m.experiment for m in manifests() if m.profile == "paper"}
+    assert not steps.keys() & set(unpublished())
+    assert "pathwise" not in {step.experiment for step in plan("paper", without=["pathwise"])}
+
+
+def test_a_plan_takes_one_training_seed_and_the_papers_sizes(steps):
     assert steps["pathwise"].expected_s > 0
-    for step in steps.values():
-        if "pairs" in getattr(step.job.module, "EXTENT", ()):
-            assert step.job.config.pairs == 1
+    assert steps["pathwise"].whole
+    assert steps["base_policies"].job.config.pairs == 1
+    assert steps["base_policies"].job.config.steps == 200_000
+    assert list(steps["base_policies"].job.pieces) == ["safe-0", "speed-0"]
+    assert not steps["base_policies"].whole
+    assert steps["quadruped_collect"].job.config.trajectories == 43
+    (pareto,) = plan("paper", ["pareto"])  # the first pair, not the second
+    assert pareto.job.config.first_pair == 0
     with pytest.raises(ValueError, match="no experiment 'pathwisee', did you mean 'pathwise'"):
         plan("paper", ["pathwisee"])
+    with pytest.raises(ValueError, match="no experiment 'pathwisee'"):
+        plan("paper", without=["pathwisee"])
+
+
+def test_a_step_comes_behind_what_it_needs():
+    names = [s.experiment for s in plan("paper", ["gate_stream", "pareto", "forecasts"])]
+    assert names == ["gate_stream", "forecasts", "pareto"]
 
 
 def test_everything_is_computed_into_a_layer_of_its_own(tmp_path):
@@ -27,24 +55,73 @@ def test_everything_is_computed_into_a_layer_of_its_own(tmp_path):
         seen.append(os.environ.get("CPL_FRESH"))
         said.append(line)
 
-    told = reproduce(plan("smoke", ["proximity"]), tmp_path, workers=1, report=report)
+    told = reproduce(plan("paper", ["proximity"]), tmp_path, workers=1, report=report)
     assert seen == ["1"]
     assert "CPL_FRESH" not in os.environ
     assert (tmp_path / "results" / "proximity" / "paper.json").is_file()
+    assert told["steps"][0]["pieces"] == {"compared": 1, "differing": ()}
     assert [claim["row"] for claim in told["claims"]] == [16]
     assert told["claims"][0]["agrees"]
-    assert told == json.loads((tmp_path / "report.json").read_text()) | {"claims": told["claims"]}
-    again = reproduce(plan("smoke", ["proximity"]), tmp_path, workers=1, report=report)
+    assert told["claims"][0]["whole"]
+    assert not told["resumed"]
+    written = json.loads((tmp_path / "report.json").read_text())
+    assert written == json.loads(json.dumps(told))
+    again = reproduce(plan("paper", ["proximity"]), tmp_path, workers=1, report=report)
     assert again["steps"][0]["content"] == told["steps"][0]["content"]
+    assert again["resumed"]
+
+
+def test_the_command_says_what_it_would_take(capsys):
+    assert main(["reproduce", "--dry-run", "pathwise"]) == 0
+    out = capsys.readouterr().out
+    assert "pathwise: 132 pieces, as published, " in out
+    assert "min of work" in out
+
+
+def test_a_piece_that_differs_is_named():
+    result = published("proximity", "paper")
+    task = job_of("proximity", "paper", result.config)
+    assert pieces_again(task, result).differing == ()
+    changed = result.table.assign(l_tilde=result.table["l_tilde"] * 1.01)
+    found = pieces_again(task, replace(result, table=changed))
+    assert found.compared == 1
+    assert "column 'l_tilde'" in found.differing[0]
+    other = job_of("proximity", "paper+", replace(result.config, points=7))
+    assert pieces_again(other, result).compared == 0
+
+
+def test_published_pieces_of_one_seed_can_be_judged_by_every_rule(tmp_path, steps):
+    """What a reproduction will meet, without running it: the published tables, cut down."""
+    for name, step in steps.items():
+        table, manifest = read_published(name, "paper")
+        names = step.job.pieces.keys()
+        kept = [shard for shard in manifest.shards if shard.name in names]
+        rows = [i for s in kept for i in range(s.first_row, s.first_row + s.rows)]
+        shards, first = [], 0
+        for shard in kept:
+            shards.append(PublishedShard(name=shard.name, first_row=first, rows=shard.rows))
+            first += shard.rows
+        few = table.iloc[rows].reset_index(drop=True)
+        publish(few, replace(manifest, shards=shards), root=tmp_path / "results")
+    whole = {name for name, step in steps.items() if step.whole}
+    claims = {claim.row: claim for claim in claims_again(tmp_path / "results", whole)}
+    decided = {row.row for row in ledger() if row.computed_from and row.value is not None}
+    assert decided <= claims.keys()
+    for claim in claims.values():
+        assert not (claim.whole and not claim.agrees), claim
+        assert claim.agrees is not None or claim.reason
 
 
 def test_a_claim_agrees_when_the_intervals_meet():
     row = next(row for row in ledger() if row.row == 2)
-    assert _agree(row, row)
+    assert agree(row, row, same_seeds=True)
     far = replace(row, value=row.high + 2, low=row.high + 1, high=row.high + 3)
     near = replace(row, value=row.high + 2, low=row.high, high=row.high + 3)
-    assert not _agree(row, far)
-    assert _agree(row, near)
-    (claim,) = _claims({2: row}, [far])
-    assert not claim.agrees
-    assert claim.published[0] == row.value
+    assert not agree(row, far, same_seeds=False)
+    assert agree(row, near, same_seeds=False)
+    assert not agree(row, near, same_seeds=True)
+    assert agree(row, near, same_seeds=True, timed=True)
+    assert agree(row, replace(near, low=None), same_seeds=False) is None
+    assert agree(row, replace(near, low=math.nan), same_seeds=False) is None
+    other = replace(row, verdict="undecided")
+    assert not agree(row, other, same_seeds=True, timed=True)
