@@ -45,7 +45,7 @@ class Config(Setup):
         streams: Streams that the episodes are dealt to where thresholds are carried on.
     """
 
-    q_safe: tuple[float, ...] = (0.3, 0.4, 0.5, 0.6, 0.7, 0.85)
+    q_safe: tuple[float, ...] = (0.2, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 1.0)
     alphas: tuple[float, ...] = (0.02, 0.05, 0.2, 0.4)
     late: int = 8
     streams: int = 10

@@ -5,11 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpl.experiments import compute, controls, exit_time, pareto, switch_ablation, switch_choice
+from cpl.experiments import (
+    compute,
+    controls,
+    exit_time,
+    pareto,
+    replays,
+    switch_ablation,
+    switch_choice,
+)
 from cpl.experiments._highway import evaluation_seeds, validation_seeds
 from cpl.policies.measures import SUMS, cube, table_of
 
-MODULES = [pareto, controls, switch_ablation, switch_choice, exit_time]
+MODULES = [pareto, controls, switch_ablation, switch_choice, exit_time, replays]
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -91,6 +99,16 @@ def test_the_longest_run_is_reached_by_the_worst_scores(q, eta, delay):
     err = track(np.ones(200), Fixed(eta=eta), alpha=0.1, delay=delay, q0=q).err
     allowed = exit_time.longest_run(q, eta, alpha=0.1, delay=delay)
     assert int(np.flatnonzero(~err)[0]) == allowed
+
+
+def test_learned_rides_are_those_of_the_trained_pair():
+    rides = compute("replays", profile="smoke", drivers="learned", models="smoke", q_safe=0.0).table
+    ego = rides.query("car == 0").dropna(subset="action")
+    assert set(ego["policy"]) == {"speed", "switch", "safe"}
+    assert ego["q_safe"].nunique() == 1
+    assert 0.0 <= ego["q_safe"].iloc[0] <= 2.0
+    for _, one in ego.groupby("policy"):
+        assert one["l_hat"].notna().sum() == max(len(one) - 4, 0)  # from the fifth observation on
 
 
 def test_seeds_of_validation_and_test_are_apart():
