@@ -16,6 +16,7 @@ from cpl.policies.comparison import (
     weights_for,
 )
 from cpl.policies.measures import AXES, MEASURES, SUMS, block_sums, cube, measure, table_of
+from cpl.policies.standings import marked, standings
 from cpl.stats import Estimate
 
 
@@ -164,6 +165,23 @@ def test_others_without_a_level_in_common_are_left_out():
     far = rows[rows["method"] == "a"].assign(method="far", steps=100)
     found = leads(pd.concat([rows, far]), "method", "b", ["a", "far"], AXES["paper"])
     assert list(found) == ["a"]
+
+
+def test_standings_have_a_row_for_every_range_and_plane_that_there_is():
+    rows = table(1.0)
+    ends = [chosen(rows, {"method": "a", "level": k}).assign(method=name)
+            for k, name in ((0, "safe"), (3, "never"))]  # fmt: skip
+    both = pd.concat([rows, *ends]).assign(calibrated=False, top_mps=40.0)
+    again = chosen(both, {"method": "a"}).assign(calibrated=True)
+    everything = pd.concat([both, again, both.assign(top_mps=50.0)])
+    planes = {name: AXES[name] for name in ("paper", "exposure")}
+    found = standings(everything, "b", ["a"], planes)
+    assert found[["top_mps", "plane"]].to_numpy().tolist() == [
+        [40.0, "paper"], [40.0, "exposure"], [50.0, "paper"], [50.0, "exposure"],
+    ]  # fmt: skip
+    assert [marked(lead) for lead in found["a"]] == ["+1.00*"] * 4
+    calibrated = standings(everything, "b", ["a"], planes, calibrated=True)
+    assert calibrated["top_mps"].tolist() == [40.0, 40.0]
 
 
 def test_a_summary_has_the_spread_between_pairs():
