@@ -127,6 +127,17 @@ def test_penalties_are_taken_off_the_reward_by_the_state_reached():
     assert (free == 0).all()
 
 
+def test_a_ride_adds_up_what_the_road_pays():
+    rides = ride(ROAD, hearing(), lambda m, s: weaving(m.obs), SEEDS, record=True)
+    steps = rides.steps
+    later = steps.groupby("seed")["speed"].shift(-1)
+    earned = (0.05 * (later - 20)).clip(0, 0.5).groupby(steps["seed"]).sum()
+    episodes = rides.episodes.set_index("seed")
+    last = (0.05 * (episodes["last_speed"] - 20)).clip(0, 0.5)
+    gap = episodes["reward_sum"] - (earned + last - episodes["crashed"])
+    assert gap.abs().max() < 0.1  # speeds along the road, not along the heading, are paid
+
+
 def test_choices_may_be_policies():
     hears = hearing(policies=(slower, weaving))
     lesson = Listening(ROAD, hears)

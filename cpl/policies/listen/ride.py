@@ -74,8 +74,9 @@ def ride(
     Returns:
         The rides. `episodes` has the columns of `cpl.policies.evaluate.Rides`, with `safe_steps`
         and `changes` counting choice 0 where the choices are policies (else 0), and further
-        `fast_steps` (decisions above 30 m/s, where nothing was trained) and `trace` (a number that
-        depends on all actions of the episode, to tell drivers apart). `steps` has one row a
+        `reward_sum` (what the road paid, without penalties), `fast_steps` (decisions above 30 m/s,
+        where nothing was trained) and `trace` (a number that depends on all actions of the
+        episode, to tell drivers apart). `steps` has one row a
         decision: `setting`, `seed`, `step`, `speed` (at the decision),
         `l_tilde`, `l_hat` (NaN before the first forecast), `q`, `shown` (what was shown in place
         of q), `choice` and `action`.
@@ -122,6 +123,7 @@ def ride(
         more.decide(plan, moment, ahead.l_tilde, speed, shown, choice, action)
         out = engine.step(action)
         obs, step, speed = out.obs, step + plan.active, out.info.speed
+        more.pay(out.reward)
         log.score(*ahead.learn(engine, step, plan.active))
         log.speeds(speed)
         ended = (out.terminated | out.truncated) & plan.active
@@ -173,6 +175,7 @@ class _More:
     def __init__(self, settings: int, seeds: Ints, record: bool) -> None:
         self._seeds = seeds
         self._rows = np.zeros((2, settings, len(seeds)), np.int64)
+        self._rewards, self._paid = np.zeros((settings, len(seeds))), np.zeros(0)
         self._steps: list[dict[str, NDArray[np.generic]]] | None = [] if record else None
         self._now = np.zeros((2, 0), np.int64)
 
@@ -187,10 +190,10 @@ class _More:
         action: Ints,
     ) -> None:
         if self._now.shape[1] == 0:
-            self._now = np.zeros((2, plan.roads), np.int64)
+            self._now, self._paid = np.zeros((2, plan.roads), np.int64), np.zeros(plan.roads)
         fast, trace = self._now
         begun = moment.step == 0
-        fast[begun], trace[begun] = 0, 0
+        fast[begun], trace[begun], self._paid[begun] = 0, 0, 0.0
         fast += speed > _FAST
         trace[:] = (trace * 31 + action + 1) % _PRIME
         if self._steps is None:
@@ -203,12 +206,20 @@ class _More:
         }  # fmt: skip
         self._steps.append({name: values[plan.active] for name, values in columns.items()})
 
-    def end(self, plan: Plan, ended: NDArray[np.bool_]) -> None:
-        self._rows[:, plan.setting[ended], plan.episode[ended]] = self._now[:, ended]
+    def pay(self, reward: Floats) -> None:
+        self._paid += reward
 
-    def columns(self) -> dict[str, Ints]:
+    def end(self, plan: Plan, ended: NDArray[np.bool_]) -> None:
+        place = plan.setting[ended], plan.episode[ended]
+        self._rows[:, *place] = self._now[:, ended]
+        self._rewards[place] = self._paid[ended]
+
+    def columns(self) -> dict[str, NDArray[np.generic]]:
         fast, trace = self._rows
-        return {"fast_steps": fast.ravel(), "trace": trace.ravel()}
+        rewards = self._rewards
+        return {
+            "reward_sum": rewards.ravel(), "fast_steps": fast.ravel(), "trace": trace.ravel(),
+        }  # fmt: skip
 
     def steps(self) -> pd.DataFrame | None:
         if self._steps is None:
