@@ -136,7 +136,7 @@ def test_danger_is_judged_by_probabilities(tables):
     shares = table.query("quantity != 'auc'")["value"]
     assert shares.between(0, 1).all()
     assert (table.query("quantity == 'too fast' and top_speed_mps == 30")["value"] == 0).all()
-    assert set(aucs.groupby(["top_speed_mps", "policy"]).size()) == {14}
+    assert set(aucs.groupby(["top_speed_mps", "policy"]).size()) == {14, 15}
 
 
 def test_what_a_forecast_costs_is_counted(tables):
@@ -195,6 +195,7 @@ def test_every_profile_has_shards_of_unique_names(module):
         (coverage_episodes, {"models": "none"}, "models must be a profile"),
         (coverage_episodes, {"eta": -1.0}, "eta"),
         (forecast_danger, {"reference": 0}, "reference must be at least 1, got 0"),
+        (forecast_danger, {"lessons": 0}, "lessons must be at least 1, got 0"),
         (forecast_danger, {"models": "none"}, "models must be a profile"),
         (forecast_cost, {"rounds": 0}, "rounds must be at least 1, got 0"),
         (forecast_cost, {"models": "none"}, "models must be of"),
