@@ -1,6 +1,5 @@
 """Agents that are trained otherwise than the paper's: what differs, their training, their use."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +12,7 @@ from cpl.experiments._need import Inputs, Need
 from cpl.experiments._policies import base_policy, need_base_policies
 from cpl.experiments._shard import Shard
 from cpl.highway import Config as Road
-from cpl.network import MLP, decode_networks, encode_networks
+from cpl.network import encode_networks
 from cpl.policies.dqn import DQNConfig, train
 from cpl.policies.evaluate import Tracking
 from cpl.policies.listen import Hearing, Listening, View
@@ -25,10 +24,8 @@ __all__ = [
     "Recipe",
     "Training",
     "hearing_of",
-    "network_of",
     "pieces",
     "roads",
-    "shard_names",
     "teach",
     "upstream_of",
 ]
@@ -196,23 +193,6 @@ def teach(config: Training, name: str, pair: int, inputs: Inputs) -> pd.DataFram
     }
     table.loc[len(table) - 1, "model"] = encode_networks({"q": trained.network}, told)
     return table
-
-
-def network_of(inputs: Inputs, experiment: str, name: str, pair: int) -> MLP:
-    """Return a trained agent's network.
-
-    Raises:
-        ValueError: If it was not asked for.
-    """
-    tables, shard = inputs[experiment], f"{name}-{pair}"
-    if shard not in tables:
-        raise ValueError(f"name and pair must be among {sorted(tables)}, got {shard!r}")
-    return decode_networks(tables[shard]["model"].iloc[-1]).network("q")
-
-
-def shard_names(names: Iterable[str], pair: int) -> tuple[str, ...]:
-    """Return the shards that hold the agents of a pair."""
-    return tuple(f"{name}-{pair}" for name in names)
 
 
 def _tracking(config: Training) -> Tracking:
