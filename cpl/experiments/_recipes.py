@@ -70,7 +70,6 @@ RECIPES = {
     # Beyond: the road varies, and q with it. "nq" sees everything but q.
     "wide": _WIDE,
     "wide_nq": replace(_WIDE, view=_DEAF),
-    "careful": replace(_WIDE, collision_reward=-5.0),
     "gate": _GATE,
     "gate_nq": replace(_GATE, view=_DEAF),
 }

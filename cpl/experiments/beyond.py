@@ -2,7 +2,7 @@
 
 Fixed before any test seed was driven:
 
-- Attempts that learn: `wide`, `careful`, `gate` (`cpl.experiments._recipes`), with their twins
+- Attempts that learn: `wide` and `gate` (`cpl.experiments._recipes`), with their twins
   without the quantile, and the paper's `rl` and `rl_nq`. Attempts without training: a threshold
   moved by near misses (`risk control`), the quantile carried over, and a forecast of a crash in
   place of the distance.
@@ -69,7 +69,7 @@ class Config(Setup):
     """
 
     agents: tuple[str, ...] = (
-        "rl", "rl_nq", "wide", "wide_nq", "careful", "gate", "gate_nq",
+        "rl", "rl_nq", "wide", "wide_nq", "gate", "gate_nq",
     )  # fmt: skip
     roads: tuple[str, ...] = tuple(ROADS)
     points: int = 5
@@ -100,7 +100,7 @@ PROFILES = {
         pairs=1, episodes=40, validation_episodes=10, blocks=20, agents=("gate", "gate_nq"),
         roads=("20-40",), points=3, epsilons=(0.02, 0.1), donors=10,
     ),
-    "paper": Config(pairs=3, episodes=200, validation_episodes=30, blocks=20),
+    "paper": Config(pairs=4, episodes=200, validation_episodes=30, blocks=20),
 }  # fmt: skip
 
 
