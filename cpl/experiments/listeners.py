@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import pandas as pd
 
+from cpl.experiments import penalty_grid
 from cpl.experiments._forecasts import forecaster
 from cpl.experiments._listeners import (
     AGENTS,
@@ -51,13 +52,14 @@ class Config(Lessons):
 
     Attributes:
         agents: Which agents; `cpl.experiments._listeners.AGENTS` says what they are.
-        penalty_q: Weight of the penalty on the norm of q, of rl_1 and rl_3 [-].
-        penalty_product: Weight of the penalty q l_hat, of rl_2 and rl_3 [-].
+        penalty_q: Weight of the penalty on the norm of q, of rl_1 and rl_3 [-]; a negative one is
+            replaced by what `penalty_grid` selects.
+        penalty_product: The same for the penalty q l_hat, of rl_2 and rl_3.
     """
 
     agents: tuple[str, ...] = AGENTS
-    penalty_q: float = 1.0
-    penalty_product: float = 1.0
+    penalty_q: float = -1.0
+    penalty_product: float = -1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -83,8 +85,14 @@ def shards(config: Config) -> list[Shard]:
 
 
 def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Return what a shard is computed from: a pair's forecaster."""
-    return [forecasts_of(config.models, shard.number("pair"))]
+    """Return what a shard is computed from: a pair's forecaster, and the grid of the penalties."""
+    needs = [forecasts_of(config.models, shard.number("pair"))]
+    given = penalty_of(shard.text("agent"), config.penalty_q, config.penalty_product)
+    if given.q < 0 or given.product < 0:
+        grid = penalty_grid.PROFILES[config.models]
+        names = tuple(part.name for part in penalty_grid.shards(grid))
+        needs.append(Need(experiment="penalty_grid", config=grid, shards=names))
+    return needs
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -92,16 +100,22 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
 
     Returns:
         Its learning curve, see `cpl.experiments._listeners.learn`, after the columns `agent`,
-        `pair` and `seed`; the last row's `model` holds the network "q" with its settings, the
-        others' are empty.
+        `pair`, `seed`, `penalty_q` and `penalty_product` (the weights). The last row's `model`
+        holds the network "q" with its settings, the others' are empty.
     """
     agent, pair = shard.text("agent"), shard.number("pair")
     seed = int(stream(pair, "listeners", agent).integers(_SEEDS))
     forecast = forecaster(inputs, "conformal", pair, calibrated=False)
-    penalty = penalty_of(agent, config.penalty_q, config.penalty_product)
+    penalty = _penalty(config, agent, inputs)
     hears = hearing_of(agent, forecast, config.tracking)
     network, table = learn(config, hears, penalty, seed=seed)
-    labels = {"agent": agent, "pair": pair, "seed": seed}
+    labels = {
+        "agent": agent,
+        "pair": pair,
+        "seed": seed,
+        "penalty_q": penalty.q,
+        "penalty_product": penalty.product,
+    }
     for place, (name, value) in enumerate(labels.items()):
         table.insert(place, name, value)
     how = {name: value for name, value in plain(config).items() if name not in EXTENT}
@@ -129,3 +143,14 @@ def need_listeners(config: Config, pair: int) -> Need:
     trained = replace(config, pairs=max(config.pairs, pair + 1))
     names = tuple(f"{agent}-{pair}" for agent in config.agents)
     return Need(experiment="listeners", config=trained, shards=names)
+
+
+def _penalty(config: Config, agent: str, inputs: Inputs) -> Penalty:
+    given = penalty_of(agent, config.penalty_q, config.penalty_product)
+    if "penalty_grid" not in inputs:
+        return given
+    grid = pd.concat(list(inputs["penalty_grid"].values()), ignore_index=True)
+    return Penalty(
+        q=penalty_grid.selected(grid, "rl_1") if given.q < 0 else given.q,
+        product=penalty_grid.selected(grid, "rl_2") if given.product < 0 else given.product,
+    )

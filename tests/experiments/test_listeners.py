@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cpl.experiments import compute, listeners, penalty_grid
+from cpl.experiments import compute, listeners, penalty_grid, table1
 from cpl.experiments._listeners import AGENTS, decoded, hearing_of, penalty_of
 from cpl.network import decode_networks
 from cpl.policies.listen import Penalty
@@ -43,7 +43,9 @@ def test_every_agent_is_trained_and_found_again(trained):
         decoded(inputs, "listeners", "rl-7")
     told = decode_networks(trained["model"].iloc[-1]).config
     assert told["agent"] == "rl_3"
-    assert told["parameters"]["penalty_q"] == listeners.PROFILES["smoke"].penalty_q
+    grid = compute("penalty_grid", profile="smoke").table
+    assert told["penalty_q"] == penalty_grid.selected(grid, "rl_1")
+    assert told["penalty_product"] == penalty_grid.selected(grid, "rl_2")
 
 
 def test_the_quantiles_seen_in_training_are_written_down(trained):
@@ -61,6 +63,22 @@ def test_an_agent_is_the_same_however_many_there_are(trained):
     assert listeners.upstream(one, listeners.shards(one)[0])[0].shards == ("pair-0",)
 
 
+def test_weights_that_are_given_need_no_grid():
+    asked = {
+        (agent, weight): [
+            need.experiment
+            for need in listeners.upstream(
+                replace(listeners.PROFILES["smoke"], penalty_q=weight, penalty_product=weight),
+                shard,
+            )
+        ]
+        for weight in (-1.0, 2.0)
+        for shard, agent in zip(listeners.shards(listeners.PROFILES["smoke"]), AGENTS, strict=True)
+    }
+    with_grid = {key for key, names in asked.items() if "penalty_grid" in names}
+    assert with_grid == {("rl_1", -1.0), ("rl_2", -1.0), ("rl_3", -1.0)}
+
+
 def test_agents_hear_and_pay_what_the_paper_says():
     tracking = listeners.PROFILES["paper"].tracking
     sizes = [
@@ -69,14 +87,8 @@ def test_agents_hear_and_pay_what_the_paper_says():
     ]
     assert sizes == [26, 27, 27, 27, 27]
     paid = [penalty_of(agent, 2.0, 3.0) for agent in AGENTS]
-    nothing = Penalty()
-    assert paid == [
-        nothing,
-        nothing,
-        Penalty(q=2.0),
-        Penalty(product=3.0),
-        Penalty(q=2.0, product=3.0),
-    ]
+    nothing, both = Penalty(), Penalty(q=2.0, product=3.0)
+    assert paid == [nothing, nothing, Penalty(q=2.0), Penalty(product=3.0), both]
 
 
 def test_the_grid_is_trained_and_judged():
@@ -133,3 +145,66 @@ def test_impossible_trainings_are_refused(change, message):
 def test_impossible_grids_are_refused(change, message):
     with pytest.raises(ValueError, match=message):
         replace(penalty_grid.PROFILES["smoke"], **change)
+
+
+@pytest.fixture(scope="module")
+def table():
+    return compute("table1", profile="smoke").table
+
+
+def test_everybody_drives_the_same_seeds_in_every_range(table):
+    config = table1.PROFILES["smoke"]
+    names = ["speed", *AGENTS, "switch", "switch below", "switch above", "switch 0.3", "safe",
+             "slow"]  # fmt: skip
+    assert table["policy"].unique().tolist() == names
+    sizes = table.groupby(["top_mps", "policy"])["seed"].nunique()
+    assert len(sizes) == len(names) * len(config.tops_mps)
+    assert (sizes == config.episodes).all()
+    assert (table["q_safe"].notna() == table["policy"].str.startswith("switch")).all()
+    assert (table["missed"] <= table["scored"]).all()
+    assert (table["fast_steps"] <= table["steps"]).all()
+    assert (table.query("policy == 'slow'")["fast_steps"] == 0).all()
+    assert (table.query("policy != 'switch' and policy != 'slow'")["q_steps"] > 0).any()
+
+
+def test_thresholds_beside_the_chosen_one_are_beside_it(table):
+    q_safe = table.groupby("policy")["q_safe"].first()
+    assert q_safe["switch"] - q_safe["switch below"] == pytest.approx(0.1, abs=1e-6)
+    assert q_safe["switch above"] - q_safe["switch"] == pytest.approx(0.1, abs=1e-6)
+    assert q_safe["switch 0.3"] == pytest.approx(0.3)
+
+
+def test_who_acts_alike_has_the_same_trace(table):
+    rows = table.query("top_mps == 40").set_index(["policy", "seed"])["trace"]
+    config = table1.PROFILES["smoke"]
+    again = table1.run_shard(config, table1.shards(config)[0], inputs_of(config))
+    other = again.query("top_mps == 40").set_index(["policy", "seed"])["trace"]
+    assert rows.equals(other)
+
+
+def inputs_of(config):
+    """What `table1` is computed from, as the machinery hands it over."""
+    made = {
+        name: compute(name, profile="smoke").table
+        for name in ("base_policies", "forecasts", "listeners")
+    }
+    return {
+        "base_policies": {f"{k}-0": rows for k, rows in made["base_policies"].groupby("kind")},
+        "forecasts": {"pair-0": made["forecasts"]},
+        "listeners": {f"{agent}-0": rows for agent, rows in made["listeners"].groupby("agent")},
+    }
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"tops_mps": ()}, "tops_mps must name"),
+        ({"agents": ("other",)}, "agents must be among"),
+        ({"beside": 0.2}, "beside in"),
+        ({"allowed": -0.1}, "allowed must lie in"),
+        ({"q_safe": 3.0}, "q_safe must lie in"),
+    ],
+)
+def test_impossible_tables_are_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        replace(table1.PROFILES["smoke"], **change)
