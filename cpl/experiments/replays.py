@@ -5,7 +5,7 @@ same forecaster and tracker watching, and the positions of the cars nearby are w
 are pictures of single rides; what holds over many is measured elsewhere.
 
 `rules` drives two rules of thumb and forecasts that nothing changes; `learned` takes the trained
-policies and the forecaster of one pair.
+policies and the forecaster of one pair, and the agent of Table I that hears forecast and quantile.
 """
 
 from __future__ import annotations
@@ -18,16 +18,20 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cpl.conformal import RunningMax
+from cpl.experiments import listeners
 from cpl.experiments._forecasts import forecaster
 from cpl.experiments._highway import Setup, choose_thresholds, drivers_of, needs, tracking_of
+from cpl.experiments._listeners import decoded, hearing_of
 from cpl.experiments._need import Inputs, Need
 from cpl.experiments._shard import Shard
 from cpl.highway import PAPER, Policy, Replay, record_replay
 from cpl.highway import Config as Road
 from cpl.highway.proximity import proximity
+from cpl.network import MLP
 from cpl.policies.controls import Always
 from cpl.policies.evaluate import Drivers, Forecast, Tracking, drive
 from cpl.policies.headway import Headway
+from cpl.policies.listen import Hearing, best, ride
 from cpl.policies.switch import Chooser, Switch
 
 __all__ = [
@@ -47,6 +51,7 @@ RTOL = 1e-6  # the last bits of the engine's mathematics differ between processo
 
 _BEHIND, _AHEAD = 45.0, 130.0  # [m] cars farther away than this are not written down
 _DRIVERS = ("rules", "learned")
+_AGENT = "rl"  # which of Table I's: the one that hears the quantile and is not penalised
 _STRIDE = 5  # frames of the simulation between two that are written down
 
 
@@ -107,12 +112,14 @@ class Team:
         choosers: By name of the policy that is recorded: who of the two drives when.
         forecast: What the forecaster says.
         q_safe: Where the switch among the choosers hands over [-].
+        agent: Who drives alone, hearing forecast and quantile: what it hears, and its network.
     """
 
     drivers: Drivers
     choosers: Mapping[str, Chooser]
     forecast: Forecast
     q_safe: float
+    agent: tuple[Hearing, MLP] | None = None
 
 
 PROFILES = {
@@ -134,7 +141,11 @@ def shards(config: Config) -> list[Shard]:
 def upstream(config: Config, shard: Shard) -> list[Need]:
     """Return what a shard is computed from: the trained pair, if learned policies drive."""
     del shard
-    return needs(_setup(config), config.pair) if config.drivers == "learned" else []
+    if config.drivers == "rules":
+        return []
+    trained = listeners.PROFILES[config.models]
+    agent = Need(experiment="listeners", config=trained, shards=(f"{_AGENT}-{config.pair}",))
+    return [*needs(_setup(config), config.pair), agent]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs | None = None) -> pd.DataFrame:
@@ -149,10 +160,11 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs | None = None) -> pd.
     top, seed = float(shard["top_speed_mps"]), shard.number("seed")
     road = _road(config, top)
     team = _rules(config, road) if config.drivers == "rules" else _learned(config, inputs or {})
-    rides = [
-        _table(record(road, seed, team, name, config)).assign(policy=name) for name in team.choosers
-    ]
-    table = pd.concat(rides, ignore_index=True)
+    rides = {name: record(road, seed, team, name, config) for name in team.choosers}
+    if team.agent is not None:
+        rides["agent"] = _alone(road, seed, *team.agent)
+    tables = [_table(one).assign(policy=name) for name, one in rides.items()]
+    table = pd.concat(tables, ignore_index=True)
     table.insert(0, "top_speed_mps", top)
     table.insert(1, "seed", seed)
     table.insert(2, "policy", table.pop("policy"))
@@ -194,6 +206,18 @@ def record(road: Road, seed: int, team: Team, policy: str, config: Config) -> Re
     series = {ours: decided[theirs].to_numpy(np.float64) for theirs, ours in names.items()}
     series["q"] = np.where(np.isnan(series["l_hat"]), np.nan, series["q"])
     return record_replay(road, seed, actions, label=policy, series=series)
+
+
+def _alone(road: Road, seed: int, hears: Hearing, network: MLP) -> Replay:
+    """Record one ride of the agent, as `record` does; the careful policy never drives."""
+    steps = ride(road, hears, best(network), [seed], n_envs=1, record=True).steps
+    if steps is None:  # only if it was not asked to record
+        raise RuntimeError("the ride was not recorded")
+    series = {name: steps[name].to_numpy(np.float64) for name in ("l_tilde", "l_hat", "q")}
+    series["q"] = np.where(np.isnan(series["l_hat"]), np.nan, series["q"])
+    series["safe"] = np.zeros(len(steps))
+    actions = steps["action"].astype(int).tolist()
+    return record_replay(road, seed, actions, label="agent", series=series)
 
 
 def _noting(policy: Policy, actions: list[int]) -> Policy:
@@ -266,7 +290,7 @@ def _choosers(q_safe: float) -> dict[str, Chooser]:
 
 
 def _learned(config: Config, inputs: Inputs) -> Team:
-    """Return the trained pair and its forecaster."""
+    """Return the trained pair, its forecaster, and the agent that hears it."""
     drivers = drivers_of(inputs, config.pair)
     forecast = forecaster(inputs, "conformal", config.pair, calibrated=False)
     q_safe = config.q_safe
@@ -274,7 +298,16 @@ def _learned(config: Config, inputs: Inputs) -> Team:
         road, setup = _road(config, max(config.top_speeds_mps)), _setup(config)
         how = {"forecast": forecast, "tracking": tracking_of(setup)}
         q_safe = round(float(choose_thresholds(road, drivers, setup, 3, **how)[1]), 3)
-    return Team(drivers=drivers, choosers=_choosers(q_safe), forecast=forecast, q_safe=q_safe)
+    return Team(
+        drivers=drivers,
+        choosers=_choosers(q_safe),
+        forecast=forecast,
+        q_safe=q_safe,
+        agent=(
+            hearing_of(_AGENT, forecast, _tracking(config)),
+            decoded(inputs, "listeners", f"{_AGENT}-{config.pair}"),
+        ),
+    )
 
 
 def _rules(config: Config, road: Road) -> Team:

@@ -101,10 +101,11 @@ def test_the_longest_run_is_reached_by_the_worst_scores(q, eta, delay):
     assert int(np.flatnonzero(~err)[0]) == allowed
 
 
-def test_learned_rides_are_those_of_the_trained_pair():
+def test_learned_rides_are_those_of_the_trained_pair_and_of_its_agent():
     rides = compute("replays", profile="smoke", drivers="learned", models="smoke", q_safe=0.0).table
     ego = rides.query("car == 0").dropna(subset="action")
-    assert set(ego["policy"]) == {"speed", "switch", "safe"}
+    assert set(ego["policy"]) == {"speed", "switch", "safe", "agent"}
+    assert not ego.query("policy == 'agent'")["safe"].any()
     assert ego["q_safe"].nunique() == 1
     assert 0.0 <= ego["q_safe"].iloc[0] <= 2.0
     for _, one in ego.groupby("policy"):

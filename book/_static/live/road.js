@@ -131,7 +131,8 @@
     };
   }
 
-  // Forecast and what the tracker adds to it, the limit, and where the careful policy drives.
+  // Forecast and what the tracker adds to it, the limit (the agent knows none), and where the
+  // careful policy drives.
   function drawStrip(svg, ride, { q_safe }, width, end) {
     const finite = ride.q.map((q, k) => (q === null ? 0 : q + ride.l_hat[k]));
     const top = Math.max(1, ...finite) * 1.05;
@@ -146,7 +147,7 @@
       parts.push(s("path", { class: "allowed", d: `${kit.path([...upper, ...lower.slice().reverse()])}Z` }));
       parts.push(s("path", { class: "forecast", d: kit.path(lower) }), s("path", { class: "quantile", d: kit.path(upper) }));
     }
-    parts.push(s("line", { class: "bound", x1: axes.left, x2: axes.right, y1: Y(q_safe), y2: Y(q_safe) }));
+    if (ride.policy !== "agent") parts.push(s("line", { class: "bound", x1: axes.left, x2: axes.right, y1: Y(q_safe), y2: Y(q_safe) }));
     ride.safe.forEach((safe, k) => {
       if (safe) parts.push(s("rect", { class: "careful", x: X(k), y: Y(-0.03), width: X(k + 1) - X(k) + 0.5, height: Y(-0.13) - Y(-0.03) }));
     });

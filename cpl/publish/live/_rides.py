@@ -30,6 +30,7 @@ _WORDS = {
         "speed": "fast policy",
         "switch": "switch",
         "safe": "careful policy",
+        "agent": "agent that hears q",
     },
 }
 _NOTES = {
