@@ -77,11 +77,10 @@ def _converged(read: Reader) -> Finding:
 
 
 def _mixed(read: Reader) -> Finding:
-    table = read("forecast_danger").table
-    rows = table[(table["quantity"] == "too fast") & (table["policy"] == "both")]
-    tops = np.unique(rows["top_speed_mps"])
-    wide = rows[rows["top_speed_mps"] == tops[1]]  # [20, 40] m/s, the paper's evaluation
-    share = mean_interval(wide["value"])
+    table = read("coverage_episodes").table
+    rows = table[(table["quantity"] == "too fast") & (table["driver"] == _DRIVER)]
+    wide = rows[rows["top_speed_mps"] > rows["top_speed_mps"].min()]  # [20, 40], the evaluation
+    share = mean_interval(wide["value"] / wide["n"])
     low, high = _MIXED
     if share.low > low and share.high < high:
         verdict = Verdict.HOLDS

@@ -46,23 +46,17 @@ def episodes():
                 rows.append({**same, **near})
                 good = {"quantity": "window", "group": "all", "value": 6_500.0 + pair, "n": 10_000}
                 rows.append({**same, **good})
+            fast = {"quantity": "too fast", "group": "", "n": 1_000}
+            for top, share in ((30.0, 0.0), (40.0, 0.3)):
+                value = 1_000 * share + 10 * pair if top == 40.0 else 0.0
+                plain = {"pair": pair, "driver": driver, "rule": "", "carry": False}
+                rows.append({**plain, "top_speed_mps": top, **fast, "value": value})
             gap = {"quantity": "paired q", "group": "all", "value": 5.0 + pair, "n": 100}
             rows.append({
                 "pair": pair, "driver": driver, "rule": "", "carry": False, "top_speed_mps": 40.0,
                 **gap,
             })  # fmt: skip
     return Source(table=pd.DataFrame(rows), parameters={"alpha": 0.1, "window": 5})
-
-
-def danger():
-    rows = [
-        {"pair": pair, "top_speed_mps": top, "policy": policy, "quantity": "too fast",
-         "signal": "", "value": share + 0.01 * pair, "n": 1000}
-        for pair in PAIRS
-        for top, share in ((30.0, 0.0), (40.0, 0.3), (50.0, 0.99))
-        for policy in ("safe", "both")
-    ]  # fmt: skip
-    return Source(table=pd.DataFrame(rows), parameters={})
 
 
 def cost():
@@ -79,7 +73,6 @@ def cost():
 MADE = {
     "forecasts": forecasts(),
     "coverage_episodes": episodes(),
-    "forecast_danger": danger(),
     "forecast_cost": cost(),
 }
 EXPECTED = {
@@ -117,8 +110,8 @@ MUTATIONS = [
     (13, "forecasts", where(quantity="coverage_raw")(1.4), "does not hold"),
     (18, "forecasts", where(quantity="validation_loss", epoch=7)(0.7), "does not hold"),
     (18, "forecasts", where(quantity="parameters")(2), "does not hold"),
-    (19, "forecast_danger", where(quantity="too fast")(0.05), "does not hold"),
-    (19, "forecast_danger", where(quantity="too fast")(3.5), "does not hold"),
+    (19, "coverage_episodes", where(quantity="too fast", driver="switch")(0.05), "does not hold"),
+    (19, "coverage_episodes", where(quantity="too fast", driver="switch")(3.3), "does not hold"),
     (23, "forecast_cost", lambda t: t.assign(seconds=t.seconds.where(t.seconds > 1e-7, 1e-6)),
      "holds in part"),
     (24, "forecast_cost", lambda t: t.assign(seconds=t.seconds.where(t.seconds < 9e-6, 7e-6)),
