@@ -211,7 +211,7 @@ def test_drivers_hit_at_many_times_lose_nothing(store, how, workers, round_):
 
 def test_a_dask_cluster_gives_the_same(store, tmp_path):
     with LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
     ) as cluster:
         there = sweep(square, SHARDS, store=store, cluster=cluster.scheduler_address, **WORDS)
     here = sweep(square, SHARDS, store=WorkStore(tmp_path / "other"), workers=1, **WORDS)

@@ -10,6 +10,7 @@ Example:
     | fixed | 0.10 |
 """
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Number
@@ -83,7 +84,10 @@ def table(
 def rows_or_note(
     rows: "pd.DataFrame", columns: Mapping[str, str], formats: Mapping[str, str]
 ) -> Table:
-    """Return rows as a table or, where there are none, a line that says so.
+    r"""Return rows as a table or, where there are none, a line that says so.
+
+    For rows that come from somebody's file: their texts are shown as they are, so that no markup in
+    them comes alive on the page.
 
     Args:
         rows: what is shown.
@@ -94,10 +98,18 @@ def rows_or_note(
         >>> import pandas as pd
         >>> print(rows_or_note(pd.DataFrame({"n": []}), {"n": "number"}, {}))
         *These logs do not have what this table needs; see what is missing above.*
+        >>> print(rows_or_note(pd.DataFrame({"n": ["<script>"]}), {"n": "name"}, {}))
+        | name |
+        |:---|
+        | \<script\> |
     """
     if not len(rows):
         return Table("*These logs do not have what this table needs; see what is missing above.*")
-    return table(rows, formats, columns=columns)
+    plain = [
+        {key: _literal(value) if isinstance(value, str) else value for key, value in row.items()}
+        for row in rows.to_dict("records")
+    ]
+    return table(plain, formats, columns=columns)
 
 
 def bench_table(rows: Iterable[Mapping[str, Any]]) -> Table:
@@ -146,6 +158,11 @@ def _line(cells: Iterable[str]) -> str:
 
 def _cell(text: str) -> str:
     return " ".join(text.split()).replace("|", r"\|")
+
+
+def _literal(text: str) -> str:
+    """Write a text so that Markdown shows it letter by letter."""
+    return re.sub(r"([\\`*_{}\[\]()<>#$~:&!^'\"])", r"\\\1", text)
 
 
 def _rounded(value: float) -> str:

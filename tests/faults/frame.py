@@ -66,10 +66,11 @@ def damaged(content: bytes, how: str, count: int, seed: int = 0) -> Iterator[byt
             yield bytes(copy)
 
 
-def write(path: Path, rows: Iterable[Row], about: dict[str, Any]) -> Path:
-    """Keep the table, whole or not at all."""
-    told = {**about, "rows": [dataclasses.asdict(row) for row in rows]}
-    return atomic_write(path, json.dumps(told, indent=1) + "\n")
+def write(path: Path, topic: str, rows: Iterable[Row], about: dict[str, Any]) -> Path:
+    """Keep a topic's table beside those of the others, whole or not at all."""
+    told = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    told[topic] = {**about, "rows": [dataclasses.asdict(row) for row in rows]}
+    return atomic_write(path, json.dumps(dict(sorted(told.items())), indent=1) + "\n")
 
 
 def table(rows: Iterable[Row]) -> str:

@@ -4,8 +4,10 @@ Every payload would write a mark into a folder if it ran. An attempt is refused 
 where the mark appears, or live markup reaches a page, it was silent.
 """
 
+import html
 import io
 import pickle
+import re
 import struct
 import tempfile
 import zipfile
@@ -14,11 +16,12 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
+from docutils.core import publish_string
 
 from cpl.cli import UsageError
 from cpl.experiments._machinery import job
 from cpl.experiments._settings import parsed
-from cpl.logs import LogError, read_run
+from cpl.logs import LogError, RunInfo, read_run, write_run
 from cpl.network import decode_networks
 from cpl.publish import cache, grid
 from cpl.publish.chapters import find_chapter
@@ -26,6 +29,7 @@ from cpl.publish.numbers import quoted
 from cpl.publish.parameters import ParameterError, settings
 from cpl.store import WorkStore, decode_model, decode_table, project_root
 from tests.faults.frame import Row, tally
+from tests.logs.conftest import make_rows
 
 
 def provoke(count: int) -> Iterator[Row]:
@@ -38,6 +42,7 @@ def provoke(count: int) -> Iterator[Row]:
     yield tally("chapter parameters", "code in a value", _values(mark))
     yield tally("experiment settings", "code in a name or value", _settings(mark))
     yield tally("page of a sweep", "live markup in a number or parameter", _markup())
+    yield tally("page on logs", "live markup in a log's texts", _markup_in_logs(folder))
 
 
 class _Payload:
@@ -209,6 +214,56 @@ class _Reader(HTMLParser):
             self.live.append(tag)
         if tag == "meta" and "http-equiv" in names:
             self.live.append(tag)
+
+
+_MARKDOWN = (
+    "[x](javascript:alert(1))",
+    "![x](x onerror=alert(1))",
+    "<javascript:alert(1)>",
+    "<http://evil.example>",
+    "**x**",
+    "`x`",
+    "{raw}`html`",
+    "$x$",
+    "x | y | <script>1</script>",
+    "x\n\n<script>1</script>",
+    "x\n\n```{raw} html\n<script>1</script>\n```",
+    "[x]: javascript:alert(1)",
+)
+
+
+def _markup_in_logs(folder: Path) -> Iterator[str]:
+    """Write payloads into the texts of logs, and show those as the chapter on logs does."""
+    from myst_parser.docutils_ import Parser
+
+    from cpl.figures.table import rows_or_note
+    from cpl.logs import read_runs
+
+    heads = {"run": "run", "config.shape": "path", "config.policy": "policy"}
+    settings = {"myst_enable_extensions": ["dollarmath", "colon_fence"], "report_level": 5}
+    for number, text in enumerate((*_MARKUP, *_MARKDOWN)):
+        logs = folder / f"logs-{number}"
+        config = {"shape": text, "policy": text}
+        info = RunInfo(provenance="simulated-kinematic", config=config, seed=17)
+        write_run(logs / f"{text.replace('/', ' ')[:60]}.mcap", make_rows(4), info)
+        runs = read_runs(logs).summary
+        page = publish_string(
+            str(rows_or_note(runs, heads, {})),
+            parser=Parser(),
+            writer_name="html5",
+            settings_overrides={
+                **settings,
+                "output_encoding": "unicode",
+                "embed_stylesheet": False,
+            },
+        )
+        body = page.partition("<body")[2]
+        reader = _Reader()
+        reader.feed(body)
+        shown = html.unescape(re.sub("<[^>]*>", "", body))
+        whole = " ".join(text.split()) in " ".join(shown.split())
+        alive = reader.live or any(mark in body for mark in ("<a ", "<strong", "<code", "<em"))
+        yield "harmless" if whole and not alive else "silent"
 
 
 def _markup() -> Iterator[str]:

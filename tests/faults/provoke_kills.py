@@ -44,7 +44,7 @@ def slow(i: int) -> pd.DataFrame:
 
 def provoke(count: int) -> Iterator[Row]:
     """Kill a quarter of `count` times each: driver, local worker, dask driver, dask worker."""
-    each = max(count // 4, 1)
+    each = max(-(-count // 4), 1)
     yield tally("driver", "kill -9 at a drawn time", (_driver(n) for n in range(each)))
     yield tally("local worker", "kill -9 at a drawn time", (_worker(n) for n in range(each)))
     with _scheduler() as address:

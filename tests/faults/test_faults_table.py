@@ -25,11 +25,21 @@ def test_damage_is_damage_and_the_same_every_time(how):
     assert copies == list(frame.damaged(content, how, 50))
 
 
+def test_a_topic_that_is_not_run_keeps_its_rows(tmp_path):
+    row = frame.tally("shard", "cut", ["refused"])
+    for topic in ("one", "two", "one"):
+        path = frame.write(tmp_path / "faults.json", topic, [row], {"made": topic})
+    told = json.loads(path.read_text())
+    assert {name: part["made"] for name, part in told.items()} == {"one": "one", "two": "two"}
+    assert told["two"]["rows"][0]["refused"] == 1
+
+
 def test_hostile_input_is_refused_or_shown_as_text(tmp_path, capsys):
     assert main(["--only", "hostile", "--out", str(tmp_path / "faults.json")]) == 0
     logging.disable(logging.NOTSET)
-    told = json.loads((tmp_path / "faults.json").read_text())
+    told = json.loads((tmp_path / "faults.json").read_text())["hostile"]
     assert sum(row["tried"] for row in told["rows"]) > 200
+    assert told["processor_s"] > 0
     assert "0 wrong and silent" in capsys.readouterr().out
 
 
