@@ -26,7 +26,7 @@ def _conservative(read: Reader) -> Finding:
         value=gain.value,
         low=gain.low,
         high=gain.high,
-        n=int(table.drop_duplicates("pair")["n"].sum()),
+        n=int(table.drop_duplicates("pair")["n"].to_numpy().sum()),
         n_seeds=gain.n,
     )
 
@@ -47,13 +47,14 @@ def _small_in_training(read: Reader) -> Finding:
         for road in RETRAINED
     ]
     least = min(found, key=lambda estimate: estimate.value)
-    compared = natural[natural["method"].isin(["wide", "wide_nq", "rl", "rl_nq"])]
+    compared = np.isin(natural["method"], ["wide", "wide_nq", "rl", "rl_nq"])
+    compared &= np.isin(natural["road"], RETRAINED)
     return Finding(
         verdict=rule_r(found, [None] * len(found)),
         value=least.value,
         low=least.low,
         high=least.high,
-        n=int(np.sum(compared.loc[compared["road"].isin(RETRAINED), "episodes"])),
+        n=int(natural["episodes"].to_numpy()[compared].sum()),
         n_seeds=least.n,
     )
 
