@@ -111,8 +111,8 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
         `switch above`: beside it; `switch 0.3`; `safe`; `slow`: never faster than it must),
         `q_safe` (NaN but for the switch), `seed`, `steps`, `crashed`, `speed_sum` and `last_speed`
         [m/s], `distance_m`, `overtaken`, `fast_steps` (decisions above 30 m/s), `q_sum` and
-        `q_steps` (quantiles along the way, whoever heard them), `scored`, `missed`, `trace` (the
-        same for the same actions), and `safe_steps` (of the switch).
+        `q_steps` (quantiles along the way, whoever heard them), `scored`, `missed`, `safe_steps`
+        (of the switch), and `as_speed`: whether every action was pi_speed's.
     """
     pair = shard.number("pair")
     drivers = drivers_of(inputs, pair)
@@ -131,6 +131,10 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
             found.append(table)
     joined = pd.concat(found, ignore_index=True)
     joined.insert(0, "pair", pair)
+    keys = ["top_mps", "seed"]
+    speed = joined.loc[joined["policy"] == "speed", [*keys, "trace"]]
+    theirs = joined[keys].merge(speed, on=keys, how="left")["trace"].to_numpy()
+    joined["as_speed"] = joined.pop("trace").to_numpy() == theirs
     return joined
 
 
@@ -187,6 +191,7 @@ def _rows(episodes: pd.DataFrame, names: list[str], values: NDArray[np.float64])
     if not names[0].startswith("switch"):
         table["safe_steps"] = 0  # only the switch has two policies to choose from
     counts = ["steps", "overtaken", "safe_steps", "fast_steps", "q_steps", "scored", "missed"]
-    kinds = dict.fromkeys(counts, "int16") | {"seed": "int32", "trace": "int32"}
-    floats = ["q_safe", "speed_sum", "last_speed", "distance_m", "q_sum"]
-    return table.astype({**kinds, **dict.fromkeys(floats, "float32")})
+    kinds = dict.fromkeys(counts, "int16") | {"seed": "int32"}
+    digits = {"speed_sum": 1, "last_speed": 1, "distance_m": 0, "q_sum": 2}
+    rounded = table.assign(**{name: table[name].round(places) for name, places in digits.items()})
+    return rounded.astype({**kinds, **dict.fromkeys([*digits, "q_safe"], "float32")})
