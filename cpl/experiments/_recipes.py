@@ -84,8 +84,8 @@ class Training:
         pairs: Training seeds: each has its own pair of base policies and its own forecaster.
         recipes: Which of `RECIPES`.
         models: Profile of the experiments that trained policies and forecasters.
-        steps: Decisions a training; half the paper's, where the return of `base_policies` has
-            long been level.
+        steps: Decisions a training; fewer than the paper's: the return of `base_policies` is
+            level from here on.
         alpha: Miscoverage aimed at [-].
         share: The tracker's step as a share of the greatest score so far [-].
         delay: Decisions after which a score is known [steps].
@@ -94,7 +94,7 @@ class Training:
     pairs: int
     recipes: tuple[str, ...]
     models: str = "paper"
-    steps: int = 100_000
+    steps: int = 80_000
     alpha: float = 0.1
     share: float = 0.1
     delay: int = 3

@@ -31,7 +31,7 @@ class Config(Training):
 PROFILES = {
     "smoke": Config(pairs=1, models="smoke", steps=1_500),
     "book": Config(pairs=1, recipes=("gate",), steps=30_000),
-    "paper": Config(pairs=4),
+    "paper": Config(pairs=3),
 }
 
 

