@@ -1,0 +1,98 @@
+"""What happened to what was damaged, killed or made up on purpose: the stored counts as tables."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cpl.figures.table import Table, table
+
+__all__ = ["TOPICS", "Counts", "read", "read_alone"]
+
+TOPICS = {
+    "formats": "stored files, cut short or with one bit flipped",
+    "logs": "logs whose bytes are whole and whose content cannot be",
+    "hostile": "what somebody may send us to run their code",
+    "kills": "killed processes, full and read-only disks",
+}
+"""The topics, in words."""
+
+_OUTCOMES = ("refused", "recovered", "harmless", "silent")
+_HEADS = {"place": "where", "fault": "fault", "tried": "tried", "refused": "refused"}
+_HEADS |= {"recovered": "recovered", "harmless": "harmless", "silent": "wrong and silent"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Counts:
+    """The counts by topic, as `make faults` writes them."""
+
+    topics: Mapping[str, Mapping[str, Any]]
+
+    def total(self, outcome: str = "tried") -> int:
+        """Return how many attempts there were, or how many ended in one way."""
+        return sum(row[outcome] for told in self.topics.values() for row in told["rows"])
+
+    def where(self) -> str:
+        """Say when and where they were counted, and what was not."""
+        if not self.topics:
+            return "Not counted with this edition: `make faults` counts them."
+        told = list(self.topics.values())
+        dates = sorted({part["made"] for part in told})
+        commits = sorted({part["commit"][:8] for part in told})
+        machine = told[0]["machine"]
+        versions = ", ".join(f"{name} {v}" for name, v in told[0]["versions"].items())
+        text = (
+            f"Counted {' and '.join(dates)} at {' and '.join(commits)} on {machine['processor']} "
+            f"({machine['system']}); {versions}."
+        )
+        missing = [TOPICS[name] for name in TOPICS if name not in self.topics]
+        return f"{text} Not counted: {'; '.join(missing)}." if missing else text
+
+    def summary(self) -> Table:
+        """One line a topic."""
+        if not self.topics:
+            return Table(f"*{self.where()}*")
+        rows = [
+            {"topic": TOPICS.get(name, name)}
+            | {key: sum(row[key] for row in told["rows"]) for key in ("tried", *_OUTCOMES)}
+            for name, told in self.topics.items()
+        ]
+        return table(rows, columns={"topic": "topic", **dict(list(_HEADS.items())[2:])})
+
+    def rows(self, topic: str) -> Table:
+        """Every kind of fault of a topic.
+
+        Raises:
+            ValueError: If there is no such topic.
+        """
+        if topic not in TOPICS:
+            msg = f"topic must be one of {', '.join(TOPICS)}, got {topic!r}"
+            raise ValueError(msg)
+        if topic not in self.topics:
+            return Table(f"*{TOPICS[topic]}: not counted with this edition.*")
+        return table(self.topics[topic]["rows"], columns=_HEADS)
+
+
+def read(path: Path) -> Counts:
+    """Read the stored counts; none of them if there is no such file."""
+    told = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    return Counts(topics={name: told[name] for name in TOPICS if name in told})
+
+
+def read_alone(damaged: bytes, whole: bytes) -> str:
+    """Say how reading a damaged Parquet table ends without any digest.
+
+    Returns:
+        `refused`, `harmless` or `silent`, as in the counts.
+    """
+    from cpl.store import decode_table, same_table
+
+    expected = decode_table(whole)
+    try:
+        found = decode_table(damaged)
+        return "harmless" if same_table(found, expected, rtol=0.0, atol=0.0) is None else "silent"
+    except (ValueError, OSError, KeyError):
+        return "refused"
