@@ -22,9 +22,9 @@ from sphinx.util.docutils import SphinxDirective
 
 _WORDS_A_MINUTE = 200  # of a text with equations, slower than a novel
 _SECONDS_AN_EQUATION, _SECONDS_A_FIGURE, _SECONDS_A_LINE = 12, 15, 2
-_LEDGER = "book/holds"
-_HEADS = ["#", "claim", "paper", "ours", "95 % interval", "verdict"]
-_MARKS = {
+LEDGER = "book/holds"
+LEDGER_HEADS = ["#", "claim", "paper", "ours", "95 % interval", "verdict"]
+MARKS = {
     "holds": "✓",
     "holds in part": "◐",
     "false as printed, true as corrected": "✎",
@@ -61,12 +61,12 @@ class Verdicts(SphinxDirective):
         path = Path(self.env.srcdir) / "book/_static/live/data/ledger.json"
         counts = json.loads(path.read_text(encoding="utf-8"))["counts"]
         self.env.note_dependency(str(path))
-        known = [name for name in _MARKS if name in counts]
+        known = [name for name in MARKS if name in counts]
         items = [
             f'<li class="verdict-{number}" style="flex-grow: {counts[name]}">'
-            f'<span aria-hidden="true">{_MARKS[name]}</span> <strong>{counts[name]}</strong> '
+            f'<span aria-hidden="true">{MARKS[name]}</span> <strong>{counts[name]}</strong> '
             f"{html.escape(name)}</li>"
-            for number, name in enumerate(_MARKS)
+            for number, name in enumerate(MARKS)
             if name in known
         ]
         return [nodes.raw("", f'<ul class="verdicts">{"".join(items)}</ul>', format="html")]
@@ -172,7 +172,7 @@ def _entry(app: Sphinx, page: str, document: str) -> str:
 def _link_ledger(app: Sphinx, doctree: nodes.document, page: str) -> None:
     for table in doctree.findall(nodes.table):
         heads = [entry.astext() for head in table.findall(nodes.thead) for entry in head[0]]
-        if heads == _HEADS:
+        if heads == LEDGER_HEADS:
             for body in table.findall(nodes.tbody):
                 for row in body:
                     _link_row(app, page, row)
@@ -180,15 +180,15 @@ def _link_ledger(app: Sphinx, doctree: nodes.document, page: str) -> None:
 
 def _link_row(app: Sphinx, page: str, row: nodes.Element) -> None:
     number = row[0].astext()
-    target = _LEDGER
-    if page == _LEDGER:
+    target = LEDGER
+    if page == LEDGER:
         row["ids"].append(f"claim-{number}")
         target = f"book/{_chapters(app).get(number, '')}"
     if target not in app.env.all_docs:
         return  # the chapter of a row that is still pending
     address = app.builder.get_relative_uri(page, target)
-    anchor = "" if page == _LEDGER else f"#claim-{number}"
-    title = "the chapter on this claim" if page == _LEDGER else "this claim in the ledger"
+    anchor = "" if page == LEDGER else f"#claim-{number}"
+    title = "the chapter on this claim" if page == LEDGER else "this claim in the ledger"
     link = nodes.reference("", number, refuri=address + anchor, internal=True, reftitle=title)
     row[0].children[0].children = []
     row[0].children[0] += link
