@@ -7,7 +7,7 @@ and the switch at thresholds above and below.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -108,7 +108,9 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     Returns:
         One row an episode: `pair`, `top_mps`, `policy` (`speed`, the agents, `switch`: at the
         threshold chosen on validation seeds in the range of the training; `switch below`,
-        `switch above`: beside it; `switch 0.3`; `safe`; `slow`: never faster than it must),
+        `switch above`: beside it; `switch 0.3`; `safe`; `slow`: never faster than it must;
+        `rl carried` and so on, in the range of `top_speed_mps` only: the agent's episodes one after
+        the other, each beginning with the quantile that the one before ended with),
         `q_safe` (NaN but for the switch), `seed`, `steps`, `crashed`, `speed_sum` and `last_speed`
         [m/s], `distance_m`, `overtaken`, `fast_steps` (decisions above 30 m/s), `q_sum` and
         `q_steps` (quantiles along the way, whoever heard them), `scored`, `missed`, `safe_steps`
@@ -122,7 +124,7 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     found = []
     for top in config.tops_mps:
         road = road_of(config, top)
-        for names, values, hears, choose in _entrants(config, inputs, pair, forecast, grid):
+        for names, values, hears, choose in _entrants(config, inputs, pair, top, forecast, grid):
             rides = ride(
                 road, hears, choose, evaluation_seeds(config.episodes), settings=len(names)
             )
@@ -142,7 +144,12 @@ _Entrant = tuple[list[str], NDArray[np.float64], Hearing, Choose]
 
 
 def _entrants(
-    config: Config, inputs: Inputs, pair: int, forecast: Forecast, grid: NDArray[np.float64]
+    config: Config,
+    inputs: Inputs,
+    pair: int,
+    top: float,
+    forecast: Forecast,
+    grid: NDArray[np.float64],
 ) -> Iterator[_Entrant]:
     """Say who drives: names, thresholds, what is heard, and who chooses."""
     tracking, drivers = tracking_of(config), drivers_of(inputs, pair)
@@ -159,6 +166,12 @@ def _entrants(
     yield names, grid, both, by_chooser(Switch(grid))
     yield ["safe"], none, both, lambda moment, _: np.zeros(len(moment.step), np.int64)
     yield ["slow"], none, deaf, lambda moment, _: np.full(len(moment.step), SLOWER)
+    if top != config.top_speed_mps:
+        return
+    carried = replace(tracking, carry=True, streams=1)
+    for agent in config.agents:
+        network = decoded(inputs, "listeners", f"{agent}-{pair}")
+        yield [f"{agent} carried"], none, hearing_of(agent, forecast, carried), best(network)
 
 
 def _chosen(config: Config, drivers: Drivers, forecast: Forecast) -> float:

@@ -156,8 +156,12 @@ def test_everybody_drives_the_same_seeds_in_every_range(table):
     config = table1.PROFILES["smoke"]
     names = ["speed", *AGENTS, "switch", "switch below", "switch above", "switch 0.3", "safe",
              "slow"]  # fmt: skip
-    assert table["policy"].unique().tolist() == names
-    sizes = table.groupby(["top_mps", "policy"])["seed"].nunique()
+    carried = [f"{agent} carried" for agent in AGENTS]
+    assert table["policy"].unique().tolist() == [*names, *carried]
+    assert set(table.loc[table["policy"].isin(carried), "top_mps"]) == {40.0}
+    sizes = (
+        table.loc[~table["policy"].isin(carried)].groupby(["top_mps", "policy"])["seed"].nunique()
+    )
     assert len(sizes) == len(names) * len(config.tops_mps)
     assert (sizes == config.episodes).all()
     assert (table["q_safe"].notna() == table["policy"].str.startswith("switch")).all()
