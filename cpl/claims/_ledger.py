@@ -6,7 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from cpl.claims import _own, _rules, _rules_forecast, _rules_highway, _rules_robot
+from cpl.claims import (
+    _own,
+    _rules,
+    _rules_forecast,
+    _rules_highway,
+    _rules_listening,
+    _rules_robot,
+)
 from cpl.claims._reading import Reader, Source
 from cpl.claims._rules_quadruped import IN_THE_TWIN
 from cpl.claims._statements import CLAIMS, Claim
@@ -31,6 +38,7 @@ RULES: dict[int, Callable[[Reader], Finding]] = {
     **_rules.RULES,
     **_rules_highway.RULES,
     **_rules_forecast.RULES,
+    **_rules_listening.RULES,
     **_rules_robot.RULES,
     **_own.RULES,
 }
