@@ -10,12 +10,19 @@ from numpy.typing import NDArray
 from scipy import stats as sp
 
 from cpl.policies.comparison import chosen
-from cpl.policies.measures import MEASURES, SUMS, cube, measure
+from cpl.policies.measures import cube, measure
 from cpl.rng import stream
-from cpl.stats import Estimate, Weights, hierarchical_weights, interval, mean_interval, sums
-from cpl.stats.matched import Ratio, beside_curve
+from cpl.stats import (
+    Estimate,
+    Weights,
+    at_levels,
+    hierarchical_weights,
+    interval,
+    mean_interval,
+    sums,
+)
 
-__all__ = ["beside", "contrast", "difference", "over_pairs", "p_of"]
+__all__ = ["beside", "contrast", "difference", "over_pairs", "p_of", "speaks", "told"]
 
 Which = Mapping[str, object]
 Floats = NDArray[np.float64]
@@ -67,32 +74,38 @@ def beside(
     ends: Sequence[Which] = (),
     y: str = "crash_rate",
     x: str = "step_speed_mps",
-    mixtures: bool = False,
 ) -> Estimate:
-    """Estimate how far a method's measure lies above a curve of rivals at the method's own speed.
+    r"""Estimate how far a method's measure lies above a curve of rivals at the method's own speed.
+
+    $$ \Delta = \frac1L \sum_l \bigl( y_l - c(x_l) \bigr), \qquad
+       c = \text{straight lines between the rivals' points} $$
+
+    Everything is read anew in every resample. Outside of its points the curve keeps its last value.
 
     Args:
         table: Block sums with `pair`, `level` and `block`.
-        method: Columns and values that choose the method, one point.
+        method: Columns and values that choose the method, one point or L of them.
         curve: The same for the rivals.
         ends: The same for single points that belong to the rivals' curve.
         y: The measure that is compared.
         x: The measure that is held equal.
-        mixtures: Whether rivals may be mixed by a coin.
 
     Returns:
         The difference; below 0 the method crashes less than the rivals at the same speed.
     """
     own, *rivals = _common([chosen(table, which) for which in (method, curve, *ends)])
-    joined = np.concatenate(rivals, axis=2)
     weights = _weights(own)
-    ratios = [
-        Ratio(over=part[..., SUMS.index(MEASURES[key][0])],
-              under=part[..., SUMS.index(MEASURES[key][1])])
-        for key in (y, x) for part in (own[:, :, 0], joined)
-    ]  # fmt: skip
-    own_y, rival_y, own_x, rival_x = ratios
-    return beside_curve(own_y, own_x, rival_y, rival_x, weights, mixtures=mixtures)
+    read = [
+        [measure(part, name) for name in (x, y) for part in sums(cubes, weights)]
+        for cubes in (own, np.concatenate(rivals, axis=2))
+    ]
+    (own_x, own_xs, own_y, own_ys), (line_x, line_xs, line_y, line_ys) = read
+    value = float(np.mean(own_y - at_levels(line_x, line_y, own_x)))
+    drawn = [
+        np.mean(b - at_levels(p, q, a))
+        for a, b, p, q in zip(own_xs, own_ys, line_xs, line_ys, strict=True)
+    ]
+    return interval(value, drawn, groups=weights.groups)
 
 
 def over_pairs(values: pd.Series) -> Estimate:
@@ -128,6 +141,31 @@ def p_of(estimate: Estimate, *, confidence: float = 0.95) -> float:
         return 1.0 if estimate.value == 0 else 0.0
     scale = half / sp.t.ppf((1 + confidence) / 2, free)
     return float(2 * sp.t.sf(abs(estimate.value) / scale, free))
+
+
+def told(estimate: Estimate, form: str = "{:+.1f}") -> str:
+    """Write an estimate with its interval.
+
+    Examples:
+        >>> told(Estimate(value=1.0, low=-0.25, high=2.25, n=4), "{:+.2f}")
+        '+1.00 (-0.25 to +2.25)'
+    """
+    value, low, high = (form.format(end) for end in (estimate.value, estimate.low, estimate.high))
+    return f"{value} ({low} to {high})"
+
+
+def speaks(estimate: Estimate) -> str:
+    """Say whether an effect speaks for what predicted it to be positive.
+
+    Examples:
+        >>> speaks(Estimate(value=1.0, low=0.5, high=1.5, n=4))
+        'for it'
+        >>> speaks(Estimate(value=1.0, low=-0.5, high=2.5, n=4))
+        'open'
+    """
+    if estimate.low > 0:
+        return "for it"
+    return "against it" if estimate.high <= 0 else "open"
 
 
 def _common(parts: list[pd.DataFrame]) -> list[Floats]:
