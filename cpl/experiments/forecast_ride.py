@@ -41,7 +41,9 @@ class Config:
         alpha: Miscoverage that the quantile aims at [-].
         step: Its step, in score or as a share of the largest score so far.
         running: Whether it is the share.
-        ride: Which test episode.
+        ride: Which of the rides that last long enough, in the order of their environment seeds.
+        least: What long enough is [steps].
+        episodes: Test episodes that are driven to find it.
     """
 
     pair: int = 0
@@ -53,6 +55,8 @@ class Config:
     step: float = 0.1
     running: bool = True
     ride: int = 0
+    least: int = 12
+    episodes: int = 64
 
     def __post_init__(self) -> None:
         if self.driver not in ("safe", "speed", "switch"):
@@ -60,6 +64,12 @@ class Config:
         for name in ("pair", "ride"):
             if getattr(self, name) < 0:
                 raise ValueError(f"{name} must be at least 0, got {getattr(self, name)!r}")
+        shortest = _LENGTH - 1 + _HORIZON
+        if self.least < shortest or self.episodes < 1:
+            raise ValueError(
+                f"least must be at least {shortest} and episodes 1, got {self.least!r} and"
+                f" {self.episodes!r}"
+            )
         if self.models not in base_policies.PROFILES.keys() & forecasts.PROFILES.keys():
             raise ValueError(f"models must be a profile of base_policies, got {self.models!r}")
         thresholds(self.q_safe)
@@ -90,7 +100,7 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
         `crashed` (whether the ride ended so).
 
     Raises:
-        ValueError: If the ride ends before any forecast can be checked.
+        ValueError: If there are not so many rides that last long enough.
     """
     pair = config.pair
     drivers = Drivers(
@@ -102,16 +112,20 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
         base_policies.road(replace(base, top_speed_mps=config.top_speed_mps), "speed"),
         drivers,
         Switch(config.q_safe) if config.driver == "switch" else Always([config.driver == "safe"]),
-        [_TEST + shard.number("ride")],
+        _TEST + np.arange(config.episodes),
         forecast=forecaster(inputs, "conformal", pair, calibrated=False),
         tracking=Tracking(rule=rule, alpha=config.alpha, delay=_HORIZON),
         record=True,
     )
-    steps = pd.DataFrame(rides.steps).sort_values("step")
+    lasting = rides.episodes[rides.episodes["steps"] >= config.least]
+    if config.ride >= len(lasting):
+        raise ValueError(
+            f"ride must be below {len(lasting)}, the number of {config.episodes} episodes that last"
+            f" {config.least} s, got {config.ride!r}"
+        )
+    told = lasting.iloc[config.ride]
+    steps = pd.DataFrame(rides.steps).query("seed == @told.seed").sort_values("step")
     first, last = _LENGTH - 1, len(steps) - _HORIZON
-    if last <= first:
-        asked = f"ride {shard.number('ride')}, which ends after {len(steps) - 1} s"
-        raise ValueError(f"ride must last {first + _HORIZON} s for a forecast, got {asked}")
     made = steps.iloc[first:last].reset_index(drop=True)
     truth = steps["l_tilde"].to_numpy()[first + _HORIZON :]
     l_hat, q = made["l_hat"].to_numpy(), made["u"].to_numpy()
@@ -124,6 +138,6 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
             "missed": np.abs(truth - l_hat) > q,
             "speed_mps": made["speed"].to_numpy(),
             "safe": made["safe"].to_numpy() == 1,
-            "crashed": bool(rides.episodes["crashed"].iloc[0]),
+            "crashed": bool(told["crashed"]),
         }
     )

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 
 from cpl.figures.style import (
@@ -21,8 +22,9 @@ from cpl.figures.style import (
     level,
     note,
 )
+from cpl.stats import mean_interval
 
-__all__ = ["Interval", "around", "curves", "dots", "profiles", "ride"]
+__all__ = ["Interval", "around", "curves", "dots", "intervals", "profiles", "ride"]
 
 Interval = tuple[float, float, float]
 """A value with the low and the high end of its interval."""
@@ -36,6 +38,36 @@ _LOOKS: tuple[tuple[str, str, Any], ...] = (
     (GREY, "v", (0, (1, 1))),
     (INK, "x", (0, (2, 2))),
 )
+
+
+def intervals(table: pd.DataFrame, *by: str, sums: bool = False) -> pd.DataFrame:
+    """Average over pairs of policies, with Student's 95 % interval: a pair is one training seed.
+
+    Args:
+        table: rows with `pair`, `value` and `n`, one a pair in each group; values that are not
+            known (NaN) are left out.
+        by: columns that tell groups apart.
+        sums: whether `value` is a sum over `n` things, to be divided by it.
+
+    Returns:
+        One row a group: the columns of `by`, `value`, `low`, `high` and `pairs`.
+
+    Example:
+        >>> rows = pd.DataFrame({"pair": [0, 1], "policy": "speed", "value": [2.0, 8.0]})
+        >>> rows["n"] = [2, 4]
+        >>> found = intervals(rows, "policy", sums=True).round(1).to_dict("records")
+        >>> found[0]["value"], found[0]["low"], found[0]["pairs"]
+        (1.5, -4.9, 2)
+    """
+    known = table.assign(value=table["value"] / table["n"]) if sums else table
+    groups: Any = known.dropna(subset=["value"]).groupby(list(by), sort=False)
+    rows: list[dict[str, Any]] = []
+    for key, part in groups:
+        found = mean_interval(part["value"])
+        place = dict(zip(by, key, strict=True))
+        told = {"value": found.value, "low": found.low, "high": found.high, "pairs": found.n}
+        rows.append(place | told)
+    return pd.DataFrame(rows)
 
 
 @drawn

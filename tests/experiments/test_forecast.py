@@ -163,6 +163,11 @@ def test_a_ride_has_its_forecasts_beside_what_happened(tables):
     assert again["safe"].all()
 
 
+def test_a_ride_that_is_not_there_is_refused():
+    with pytest.raises(ValueError, match=r"ride must be below \d+, .* 64 episodes .* got 99"):
+        compute("forecast_ride", profile="smoke", ride=99)
+
+
 def test_the_switch_of_a_ride_keeps_to_its_threshold():
     table = compute("forecast_ride", profile="smoke", driver="switch", q_safe=0.5).table
     danger = table["l_hat"] + table["q"] >= 0.5
@@ -201,6 +206,7 @@ def test_every_profile_has_shards_of_unique_names(module):
         (forecast_cost, {"models": "none"}, "models must be of"),
         (forecast_ride, {"driver": "nobody"}, "driver must be safe, speed or switch, got 'nobody'"),
         (forecast_ride, {"ride": -1}, "ride must be at least 0, got -1"),
+        (forecast_ride, {"least": 6}, "least must be at least 7 and episodes 1, got 6 and 64"),
         (forecast_ride, {"q_safe": 3.0}, r"q_safe must lie in \[0, 2\], got 3.0"),
         (forecast_ride, {"models": "none"}, "models must be a profile"),
     ],

@@ -1,6 +1,7 @@
 """What the pictures of the forecast say, from small numbers."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from cpl.figures import forecast
@@ -53,3 +54,19 @@ def test_profiles_start_at_zero():
     (axes,) = figure.axes
     assert axes.get_ylim()[0] == 0
     assert figure.summary() == "Figure: mean of q against time in the episode [s]"
+
+
+def test_intervals_treat_a_pair_as_one_number():
+    rows = pd.DataFrame(
+        {
+            "pair": [0, 1, 0, 1],
+            "policy": ["a", "a", "b", "b"],
+            "value": [1.0, 9.0, 5.0, np.nan],
+            "n": [10, 30, 1, 1],
+        }
+    )
+    found = forecast.intervals(rows[rows["policy"] == "a"], "policy", sums=True).iloc[0]
+    assert found["value"] == pytest.approx(0.2)
+    assert found["low"] < 0.1 < 0.3 < found["high"]
+    with pytest.raises(ValueError, match="sample"):
+        forecast.intervals(rows, "policy")  # one number has no interval
