@@ -8,7 +8,7 @@ paper, as published; calibrated ones are shown in the chapter.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -204,8 +204,10 @@ def _star(read: Reader) -> Finding:
         values, drawn = (measure(both[0][k], "duration_s") for k in (0, 1))
         durations[float(top)] = interval(float(values[0]), drawn[:, 0], groups=weights.groups)
     verdict = rule_r(found, [None] * len(found))
-    main = durations[float(source.parameters["top_speed_mps"])]
-    return _finding(verdict, main, n=source.total("episodes"))
+    main, clock = (float(source.parameters[name]) for name in ("top_speed_mps", "duration_s"))
+    # The interval is symmetric about the mean; no episode lasts longer than the clock lets it.
+    star = replace(durations[main], high=min(durations[main].high, clock))
+    return _finding(verdict, star, n=source.total("episodes"))
 
 
 RULES: dict[int, Callable[[Reader], Finding]] = {

@@ -7,11 +7,13 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 
 from cpl.policies.comparison import chosen, compare
-from cpl.policies.measures import Axes
+from cpl.policies.measures import AXES, Axes, table_of
 from cpl.stats import Estimate
 
-__all__ = ["marked", "standings"]
+__all__ = ["marked", "overview", "sound_pairs", "standings"]
 
+_SOUND = 0.1  # share of episodes in which a sound safe policy may crash when it drives alone
+_DECIDE = ("paper", "exposure")
 _ENDS = ({"method": "safe", "calibrated": False}, {"method": "never", "calibrated": False})
 
 
@@ -54,6 +56,49 @@ def standings(
                 ).mean
             rows.append(row)
     return pd.DataFrame(rows)
+
+
+def sound_pairs(table: pd.DataFrame, *, most: float = _SOUND) -> list[int]:
+    """Return the pairs whose safe policy is safe: alone, it crashes in few of its episodes.
+
+    Args:
+        table: Block sums in one speed range, with the method `safe`.
+        most: Share of episodes that may crash [-].
+    """
+    alone = table_of(chosen(table, {"method": "safe"}), ["pair"])
+    return sorted(alone.loc[alone["crash_rate"] <= most, "pair"].tolist())
+
+
+def overview(
+    table: pd.DataFrame, first: str, others: Sequence[str], *, top_mps: float
+) -> pd.DataFrame:
+    """Say in one table of text where a method stands.
+
+    The main range has all planes; the two that decide have rows for the other ranges, for rivals
+    that were calibrated, and for the pairs whose safe policy is sound.
+
+    Args:
+        table: What `cpl.experiments.pareto` returns.
+        first: The method whose leads they are.
+        others: The methods beside it.
+        top_mps: Upper end of the main range [m/s].
+
+    Returns:
+        `top_mps`, `rivals`, `plane`, and for each of the others its lead as `marked` text.
+    """
+    main = chosen(table, {"top_mps": top_mps})
+    deciding = {name: AXES[name] for name in _DECIDE}
+    sound = main.loc[main["pair"].isin(sound_pairs(main))]
+    sides = table.loc[table["top_mps"] != top_mps]
+    told = [
+        standings(main, first, others, AXES).assign(rivals="as published"),
+        standings(sound, first, others, deciding).assign(rivals="as published, sound pairs"),
+        standings(main, first, others, deciding, calibrated=True).assign(rivals="calibrated"),
+        standings(sides, first, others, deciding).assign(rivals="as published"),
+    ]
+    joined = pd.concat(told, ignore_index=True)
+    texts = joined[list(others)].map(marked, na_action="ignore").fillna("")
+    return pd.concat([joined[["top_mps", "rivals", "plane"]], texts], axis=1)
 
 
 def marked(estimate: Estimate) -> str:

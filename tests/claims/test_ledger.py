@@ -18,8 +18,9 @@ FIELDS = [
 CORRECTED = "false as printed, true as corrected"
 VERDICTS = {
     1: "holds", 2: "holds", 3: "holds", 4: CORRECTED, 5: CORRECTED, 6: CORRECTED,
-    7: "holds in part", 8: "holds", 9: "holds", 15: "holds in part", 16: "holds",
-    17: "holds in part",
+    7: "holds in part", 8: "holds", 9: "holds", 10: "holds in part", 11: "holds", 14: "holds",
+    15: "holds in part", 16: "holds", 17: "holds in part", 20: "undecided", 21: "undecided",
+    22: "undecided", 26: "holds",
     50: "holds",
 }  # fmt: skip
 
@@ -130,6 +131,19 @@ MUTATIONS = [
         "base_policies",
         lambda t: t.assign(episode_return=t.episode_return * (t.kind == "speed")),
     ),
+    (10, "switch_choice", lambda t: t.assign(floor_missed=0)),
+    (10, "switch_choice", lambda t: t.assign(floor_missed=t.floor_scored)),
+    (11, "exit_time", lambda t: t.assign(exit=t.exit + 100)),
+    (11, "exit_time", lambda t: t[:50]),
+    (14, "switch_ablation", lambda t: t.assign(alpha=1 - t.alpha)),
+    (14, "switch_ablation", lambda t: t[t.variant != "alpha 0.4"]),
+    (20, "pareto", lambda t: faster(t, 3.0)),
+    (20, "pareto", lambda t: faster(t, -3.0)),
+    (21, "pareto", lambda t: faster(t, 3.0)),
+    (21, "pareto", lambda t: faster(t, -3.0)),
+    (22, "pareto", lambda t: faster(t, 2.0 - 1.5 * t.value)),
+    (22, "pareto", lambda t: faster(t, 1.5 * t.value)),
+    (26, "pareto", lambda t: t.assign(method=t.method.replace(EXCHANGE))),
     (16, "proximity", lambda t: t.assign(l_tilde=-t.l_tilde)),
     (16, "proximity", lambda t: t.assign(l_tilde=1 - t.l_tilde)),
     (16, "proximity", lambda t: t.assign(l_tilde=t.l_tilde * (t.index != 700))),
@@ -141,6 +155,16 @@ MUTATIONS = [
     (50, "robot_loop", lambda t: t[:1]),
 ]
 SWAP = {"printed": "corrected", "corrected": "printed"}
+EXCHANGE = {"safe": "speed", "speed": "safe"}
+
+
+def faster(table, by):
+    """Make the conformal switch faster by so many metres a second, everything else equal."""
+    by = np.where(table["method"] == "conformal", by, 0.0)
+    return table.assign(
+        speed_sum=table["speed_sum"] + by * table["steps"],
+        episode_speed_sum=table["episode_speed_sum"] + by * table["episodes"],
+    )
 
 
 @pytest.fixture(scope="module")

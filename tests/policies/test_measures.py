@@ -16,7 +16,7 @@ from cpl.policies.comparison import (
     weights_for,
 )
 from cpl.policies.measures import AXES, MEASURES, SUMS, block_sums, cube, measure, table_of
-from cpl.policies.standings import marked, standings
+from cpl.policies.standings import marked, overview, sound_pairs, standings
 from cpl.stats import Estimate
 
 
@@ -182,6 +182,13 @@ def test_standings_have_a_row_for_every_range_and_plane_that_there_is():
     assert [marked(lead) for lead in found["a"]] == ["+1.00*"] * 4
     calibrated = standings(everything, "b", ["a"], planes, calibrated=True)
     assert calibrated["top_mps"].tolist() == [40.0, 40.0]
+    assert sound_pairs(chosen(both, {"method": "safe"})) == list(range(6))
+    assert sound_pairs(chosen(both, {"method": "never"}).assign(method="safe")) == []
+    told = overview(everything, "b", ["a"], top_mps=40.0)
+    assert told["rivals"].value_counts().to_dict() == {
+        "as published": 6, "as published, sound pairs": 2, "calibrated": 2,
+    }  # fmt: skip
+    assert set(told["a"]) == {"+1.00*"}
 
 
 def test_a_summary_has_the_spread_between_pairs():
