@@ -5,10 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from cpl.figures.style import BLUE, GREEN, GREY, INK, PURPLE, RED, Card, card, cards, drawn
+from cpl.figures.style import BLUE, GREEN, GREY, INK, PURPLE, RED, Card, card, cards, drawn, note
 from cpl.stats import Estimate
 
-__all__ = ["beside", "responses", "support"]
+__all__ = ["beside", "front", "responses", "support"]
 
 _LOOKS = ((BLUE, "-"), (GREEN, (0, (4, 2))), (RED, (0, (1, 1))), (PURPLE, (0, (6, 2))),
           (INK, (0, (3, 1, 1, 1))))  # fmt: skip
@@ -51,6 +51,33 @@ def responses(curves: Mapping[str, Mapping[str, pd.DataFrame]], *, what: str) ->
         panel.set(xlabel=f"what {name} is set to", ylabel=what, ylim=(0, 1))
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=5)
+    return figure
+
+
+@drawn
+def front(curves: Mapping[str, pd.DataFrame], points: pd.DataFrame, ends: pd.DataFrame) -> Card:
+    """Draw how many crash over how fast they drive: rivals as curves, agents as single points.
+
+    Args:
+        curves: By name, rows with `step_speed_mps` and `crash_rate`, in the order of the setting.
+        points: The same with `method`, one row each.
+        ends: The same for the two drivers that all curves run between.
+    """
+    figure, panel = card(4.6)
+    looks = [*_LOOKS, (GREY, "-"), (GREY, (0, (2, 2)))]
+    for k, (name, rows) in enumerate(curves.items()):
+        color, dash = looks[k % len(looks)]
+        panel.plot(
+            rows["step_speed_mps"], rows["crash_rate"], color=color, linestyle=dash,
+            marker="os^Dv+x"[k % 7], markersize=4, linewidth=1.3, label=name,
+        )  # fmt: skip
+    for row in [*points.to_dict("records"), *ends.to_dict("records")]:
+        where = float(row["step_speed_mps"]), float(row["crash_rate"])
+        panel.plot(*where, "*", color=INK, markersize=9)
+        note(panel, where[0] + 0.2, where[1], str(row["method"]), INK)
+    panel.set(xlabel="mean speed [m/s]", ylabel="share of episodes with a crash")
+    panel.invert_yaxis()
+    figure.legend(loc="outside upper center", ncols=3)
     return figure
 
 
