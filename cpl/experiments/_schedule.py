@@ -10,8 +10,12 @@ from __future__ import annotations
 import heapq
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 __all__ = ["Piece", "Schedule", "longest_path_s", "makespan", "one_after_another"]
+
+
+Name = TypeVar("Name", bound=Hashable)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +28,7 @@ class Piece:
     """
 
     seconds: float
-    needs: tuple[Hashable, ...] = ()
+    needs: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +49,7 @@ class Schedule:
 
 
 def makespan(
-    pieces: Mapping[Hashable, Piece],
+    pieces: Mapping[Name, Piece],
     workers: int,
     *,
     driver_s: float = 0.0,
@@ -95,8 +99,8 @@ def makespan(
         if not waiting[name]
     ]
     heapq.heapify(ready)
-    running: list[tuple[float, int, Hashable]] = []
-    commits: list[tuple[float, int, Hashable]] = []
+    running: list[tuple[float, int, Name]] = []
+    commits: list[tuple[float, int, Name]] = []
     now, driver_free, free = 0.0, 0.0, workers
     while ready or running or commits:
         while ready and free:
@@ -123,7 +127,7 @@ def makespan(
 
 
 def one_after_another(
-    stages: Sequence[Mapping[Hashable, Piece]], workers: int, *, driver_s: float = 0.0
+    stages: Sequence[Mapping[Name, Piece]], workers: int, *, driver_s: float = 0.0
 ) -> Schedule:
     """Run stages in turn, each in its own order and only when the last is wholly committed.
 
@@ -147,7 +151,7 @@ def one_after_another(
     )
 
 
-def longest_path_s(pieces: Mapping[Hashable, Piece]) -> float:
+def longest_path_s(pieces: Mapping[Name, Piece]) -> float:
     """Return how long the longest chain of needs takes: no number of workers is faster.
 
     Examples:
@@ -157,8 +161,8 @@ def longest_path_s(pieces: Mapping[Hashable, Piece]) -> float:
     return max(_chains(pieces).values(), default=0.0)
 
 
-def _after(pieces: Mapping[Hashable, Piece]) -> dict[Hashable, list[Hashable]]:
-    after: dict[Hashable, list[Hashable]] = {name: [] for name in pieces}
+def _after(pieces: Mapping[Name, Piece]) -> dict[Name, list[Name]]:
+    after: dict[Name, list[Name]] = {name: [] for name in pieces}
     for name, piece in pieces.items():
         for need in set(piece.needs):
             if need not in after:
@@ -168,12 +172,12 @@ def _after(pieces: Mapping[Hashable, Piece]) -> dict[Hashable, list[Hashable]]:
     return after
 
 
-def _chains(pieces: Mapping[Hashable, Piece]) -> dict[Hashable, float]:
+def _chains(pieces: Mapping[Name, Piece]) -> dict[Name, float]:
     """Return how long the longest chain is that begins with each piece."""
     after = _after(pieces)
     left = {name: len(followers) for name, followers in after.items()}
     ends = [name for name, count in left.items() if not count]
-    chains: dict[Hashable, float] = {}
+    chains: dict[Name, float] = {}
     while ends:
         name = ends.pop()
         chains[name] = pieces[name].seconds + max((chains[a] for a in after[name]), default=0.0)

@@ -45,7 +45,7 @@ class Costs:
     driver_s: float
 
     @property
-    def pieces(self) -> dict[object, Piece]:
+    def pieces(self) -> dict[tuple[str, str], Piece]:
         """All pieces by experiment and shard."""
         return {name: piece for stage in self.stages for name, piece in stage.pieces.items()}
 
