@@ -35,6 +35,13 @@ class Counts:
         """Return how many attempts there were, or how many ended in one way."""
         return sum(row[outcome] for told in self.topics.values() for row in told["rows"])
 
+    def verdict(self) -> str:
+        """Say how many attempts there were and how many were wrong and silent, if any counted."""
+        if not self.topics:
+            return "The counts are not part of this edition, so nothing is claimed."
+        silent = self.total("silent")
+        return f"{self.total():,} faults; {silent:,} wrong and silent."
+
     def where(self) -> str:
         """Say when and where they were counted, and what was not."""
         if not self.topics:

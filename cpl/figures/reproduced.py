@@ -65,6 +65,17 @@ class Reproduction:
         differing = sum(len(step["pieces"]["differing"]) for step in self.steps)
         return {"compared": compared, "same": compared - differing}[what]
 
+    def outcome(self) -> str:
+        """Say how many pieces and claims came out the same."""
+        if not self.told:
+            return "So nothing is claimed here."
+        return (
+            f"Of {self.count('compared'):,} published pieces that were computed again, "
+            f"{self.count('same'):,} are the same. Of the claims, {self.claims(True)} agree, "
+            f"{self.claims(False)} differ, and about {self.claims(None)} one training seed "
+            "cannot say."
+        )
+
     def claims(self, agrees: bool | None) -> int:
         """Return for how many claims the number agrees, differs, or cannot be told."""
         return sum(claim["agrees"] is agrees for claim in self.told.get("claims", []))

@@ -27,6 +27,7 @@ def test_totals_and_tables_come_from_the_file(counts):
     assert str(counts.summary()).splitlines()[2].endswith("| 6 | 4 | 0 | 2 | 0 |")
     assert len(str(counts.rows("formats")).splitlines()) == 4
     assert counts.where().startswith("Counted 2026-01-02 at 01234567 on AMD EPYC")
+    assert counts.verdict() == "6 faults; 0 wrong and silent."
     assert "Not counted: logs whose bytes" in counts.where()
 
 
@@ -36,6 +37,7 @@ def test_what_was_not_counted_says_so(counts, tmp_path):
     assert "Not counted" in none.where()
     assert "Not counted" in str(none.summary())
     assert none.total() == 0
+    assert "nothing is claimed" in none.verdict()
     with pytest.raises(ValueError, match="topic must be one of formats, logs"):
         counts.rows("format")
 

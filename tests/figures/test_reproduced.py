@@ -52,6 +52,10 @@ def test_the_report_is_told_as_it_is(found):
         "3 experiments, 2 of them exactly as published and the others with one training seed. "
         "Left out: legged_walks (nothing published); robot_loop (no module named 'unitree')."
     )
+    assert found.outcome() == (
+        "Of 3 published pieces that were computed again, 2 are the same. Of the claims, 1 agree, "
+        "1 differ, and about 1 one training seed cannot say."
+    )
     assert (found.count("compared"), found.count("same")) == (3, 2)
     assert [found.claims(kind) for kind in (True, False, None)] == [1, 1, 1]
 
@@ -73,5 +77,6 @@ def test_without_a_report_every_part_says_that_there_is_none(tmp_path):
     none = reproduced.read(tmp_path / "report.json")
     said = [none.when(), none.experiments(), none.differences(), none.ledger()]
     assert all("No reproduction has been published" in str(text) for text in said)
+    assert none.outcome() == "So nothing is claimed here."
     assert none.covers() == "Nothing is covered."
     assert none.count("same") == none.claims(True) == 0
