@@ -1,4 +1,4 @@
-"""A pair trained anew, at the paper's sizes, agrees with the published result (make check)."""
+"""A pair trained anew, at the paper's sizes, agrees with the published result (make again)."""
 
 import pytest
 
@@ -10,7 +10,7 @@ from cpl.policies.measures import table_of
 MEASURES = ("duration_s", "episode_speed_mps", "step_speed_mps", "crashes_per_km")
 
 
-@pytest.mark.rehearsal
+@pytest.mark.again
 def test_a_training_seed_that_nobody_saw_lies_where_the_published_ones_foretell():
     """About six minutes on two cores, of which the forecaster of the new pair takes four."""
     result = published("pareto")
