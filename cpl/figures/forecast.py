@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from cpl.figures.style import (
@@ -30,6 +31,7 @@ Interval = tuple[float, float, float]
 """A value with the low and the high end of its interval."""
 
 _BAND = "#cfe0ee"  # a pale BLUE: an area
+_CLOSE: dict[str, Any] = {"columnspacing": 1.0, "handletextpad": 0.4, "handlelength": 1.6}
 _LOOKS: tuple[tuple[str, str, Any], ...] = (
     (BLUE, "o", "-"),
     (RED, "^", (0, (6, 2))),
@@ -86,6 +88,7 @@ def curves(losses: Mapping[str, ArrayLike], *, reference: float, name: str) -> C
         axes.plot(len(y), y[-1], "o", color=color, markersize=4)
     level(axes, reference, name, below=True)
     axes.set(xlabel="epoch", ylabel="validation loss (mean square error)", yscale="log")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.legend(loc="upper right", bbox_to_anchor=(1.0, 0.86))
     return figure
 
@@ -127,7 +130,7 @@ def dots(
     axes.set_ylabel("")
     if limits:
         axes.set_xlim(*limits)
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0.2)
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, borderaxespad=0.2, **_CLOSE)
     return figure
 
 
@@ -161,7 +164,7 @@ def ride(
     upper.plot(t[covered], truth[covered], "o", color=GREY, markersize=4, label="covered")
     upper.plot(t[~covered], truth[~covered], "^", color=RED, markersize=6, label="missed")
     upper.set(ylabel="proximity", ylim=(-0.05, 1.1))
-    upper.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, borderaxespad=0.2)
+    upper.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, borderaxespad=0.2, **_CLOSE)
     share = np.convolve(covered.astype(float), np.ones(window) / window, "valid")
     lower.step(t[window - 1 :], share, where="mid", color=BLUE)
     lower.plot(t[window - 1 :], share, "o", color=BLUE, markersize=3.5)
