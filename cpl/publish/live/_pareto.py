@@ -10,6 +10,7 @@ import pandas as pd
 from cpl.experiments import published
 from cpl.figures.live import missing
 from cpl.figures.switch import fronts
+from cpl.highway import PAPER
 from cpl.policies.measures import cube, measure, table_of
 from cpl.publish.live._script import as_script
 from cpl.rng import stream
@@ -30,6 +31,8 @@ _MEASURES = {
     "duration": "duration_s",
     "collisions": "crashes_per_km",
 }
+_MOST = {"duration": PAPER.duration}
+"""What no mean exceeds, though the end of a symmetric interval may."""
 _RESAMPLES = 500
 
 
@@ -78,15 +81,22 @@ def _curve(curve: pd.DataFrame) -> list[dict[str, Any]]:
     for name, column in _MEASURES.items():
         values, drawn = measure(plain, column), measure(resampled, column)
         for k in range(levels):
-            made[k][name] = _estimate(values[k], drawn[:, k], groups)
+            most = _MOST.get(name, np.inf)
+            made[k][name] = _estimate(values[k], drawn[:, k], groups, most)
     return made
 
 
-def _estimate(value: float, drawn: Any, groups: int) -> list[float] | None:  # noqa: ANN401
+def _estimate(
+    value: float,
+    drawn: Any,  # noqa: ANN401
+    groups: int,
+    most: float,
+) -> list[float] | None:
     if not np.isfinite(value):
         return None
     estimate = interval(float(value), drawn[np.isfinite(drawn)], groups=groups)
-    return [round(max(x, 0.0), 4) for x in (estimate.value, estimate.low, estimate.high)]
+    ends = np.clip([estimate.value, estimate.low, estimate.high], 0.0, most)
+    return [round(x, 4) for x in ends.tolist()]
 
 
 def _range(top: float) -> str:
