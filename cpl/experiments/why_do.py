@@ -64,7 +64,7 @@ PROFILES = {
         pairs=1, episodes=40, validation_episodes=2, blocks=20, agents=("rl",), tops_mps=(40.0,),
         q_values=(0.0, 0.6, 1.2), donors=10,
     ),
-    "paper": Config(pairs=4, episodes=125, validation_episodes=2, blocks=25),
+    "paper": Config(pairs=10, episodes=125, validation_episodes=2, blocks=25),
 }  # fmt: skip
 
 

@@ -82,7 +82,7 @@ PROFILES = {
     "book": Config(
         pairs=1, episodes=20, validation_episodes=60, blocks=20, agents=("rl", "rl_nq"),
     ),
-    "paper": Config(pairs=4, episodes=20, validation_episodes=300, blocks=20),
+    "paper": Config(pairs=10, episodes=20, validation_episodes=300, blocks=20),
 }  # fmt: skip
 
 

@@ -56,7 +56,7 @@ PROFILES = {
         pairs=1, models="smoke", episodes=4, validation_episodes=4, blocks=2, vehicles_count=8
     ),
     "book": Config(pairs=1, episodes=20, validation_episodes=60, blocks=20),
-    "paper": Config(pairs=4, episodes=20, validation_episodes=200, blocks=20),
+    "paper": Config(pairs=10, episodes=20, validation_episodes=200, blocks=20),
 }
 
 
