@@ -18,9 +18,10 @@ FIELDS = [
 CORRECTED = "false as printed, true as corrected"
 VERDICTS = {
     1: "holds", 2: "holds", 3: "holds", 4: CORRECTED, 5: CORRECTED, 6: CORRECTED,
-    7: "holds in part", 8: "holds", 9: "holds", 10: "holds in part", 11: "holds", 14: "holds",
-    15: "holds in part", 16: "holds", 17: "holds in part", 20: "undecided", 21: "undecided",
-    22: "undecided", 26: "holds",
+    7: "holds in part", 8: "holds", 9: "holds", 10: "holds in part", 11: "holds", 12: "holds",
+    13: "holds", 14: "holds", 15: "holds in part", 16: "holds", 17: "holds in part", 18: "holds",
+    19: "holds", 20: "undecided", 21: "undecided", 22: "undecided", 23: "holds", 24: "holds",
+    25: "holds", 26: "holds", 27: "holds in part", 28: "holds in part",
     50: "holds",
 }  # fmt: skip
 
