@@ -13,6 +13,7 @@ from cpl.claims import (
     _rules_highway,
     _rules_listening,
     _rules_robot,
+    _rules_table1,
 )
 from cpl.claims._reading import Reader, Source
 from cpl.claims._rules_quadruped import IN_THE_TWIN
@@ -38,6 +39,7 @@ RULES: dict[int, Callable[[Reader], Finding]] = {
     **_rules.RULES,
     **_rules_highway.RULES,
     **_rules_forecast.RULES,
+    **_rules_table1.RULES,
     **_rules_listening.RULES,
     **_rules_robot.RULES,
     **_own.RULES,
