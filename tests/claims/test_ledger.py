@@ -136,14 +136,23 @@ MUTATIONS = [
     (10, "switch_choice", lambda t: t.assign(floor_missed=t.floor_scored)),
     (11, "exit_time", lambda t: t.assign(exit=t.exit + 100)),
     (11, "exit_time", lambda t: t[:50]),
+    (12, "coverage_episodes", lambda t: scaled(t, -1, quantity="paired q")),
+    (13, "forecasts", lambda t: scaled(t, 1.5, quantity="coverage_raw")),
     (14, "switch_ablation", lambda t: t.assign(alpha=1 - t.alpha)),
     (14, "switch_ablation", lambda t: t[t.variant != "alpha 0.4"]),
+    (18, "forecasts", lambda t: scaled(t, 2, quantity="parameters")),
+    (19, "coverage_episodes", lambda t: scaled(t, 0.05, quantity="too fast", driver="switch")),
     (20, "pareto", lambda t: faster(t, 3.0)),
     (20, "pareto", lambda t: faster(t, -3.0)),
     (21, "pareto", lambda t: faster(t, 3.0)),
     (21, "pareto", lambda t: faster(t, -3.0)),
     (22, "pareto", lambda t: faster(t, 2.0 - 1.5 * t.value)),
     (22, "pareto", lambda t: faster(t, 1.5 * t.value)),
+    (23, "forecast_cost", lambda t: t.assign(seconds=t.seconds.max())),
+    (24, "forecast_cost", lambda t: t.assign(seconds=t.seconds.max())),
+    (25, "forecast_cost", lambda t: t.assign(weights_changed=1)),
+    (27, "coverage_episodes", lambda t: scaled(t, 2, quantity="miss")),
+    (28, "coverage_episodes", lambda t: scaled(t, 3, quantity="window")),
     (26, "pareto", lambda t: t.assign(method=t.method.replace(EXCHANGE))),
     (16, "proximity", lambda t: t.assign(l_tilde=-t.l_tilde)),
     (16, "proximity", lambda t: t.assign(l_tilde=1 - t.l_tilde)),
@@ -157,6 +166,12 @@ MUTATIONS = [
 ]
 SWAP = {"printed": "corrected", "corrected": "printed"}
 EXCHANGE = {"safe": "speed", "speed": "safe"}
+
+
+def scaled(table, by, **where):
+    """Multiply the value of some quantity."""
+    fits = np.logical_and.reduce([table[name] == value for name, value in where.items()])
+    return table.assign(value=np.where(fits, by * table["value"], table["value"]))
 
 
 def faster(table, by):
