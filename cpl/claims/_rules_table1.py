@@ -145,7 +145,8 @@ def _long_run(read: Reader) -> Finding:
     top = float(source.parameters["top_speed_mps"])
     rows = source.where(np.isin(source["policy"].astype(str), CARRIED)).table
     scored = rows.groupby(["policy", "pair"])["scored"].sum()
-    slack = float(running_maximum_bound(share, _FIRST_ERROR, B=1.0)) / float(np.min(np.asarray(scored, np.float64)))
+    fewest = float(np.min(np.asarray(scored, np.float64)))
+    slack = float(running_maximum_bound(share, _FIRST_ERROR, B=1.0)) / fewest
     rates = [cells.estimate("error_rate", name, top) for name in CARRIED]
     within = [rate.high <= alpha + slack for rate in rates]
     verdict = Verdict.UNDECIDED
