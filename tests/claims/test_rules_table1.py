@@ -7,6 +7,7 @@ import pytest
 from cpl.claims._ledger import RULES as ALL
 from cpl.claims._reading import Source
 from cpl.claims._rules_table1 import RULES
+from cpl.conformal.bounds import running_maximum_bound
 from cpl.policies.table1 import CARRIED, PRINTED, ROWS, SWITCH
 
 PAIRS, SEEDS, TOPS = range(5), np.arange(60), (30.0, 40.0, 50.0)
@@ -106,6 +107,12 @@ MUTATIONS = [
     (40, scaled("missed", 9.0, policy=CARRIED[0]), "holds in part"),
     (41, lambda table: apart(table), "does not hold"),
 ]  # fmt: skip
+
+
+def test_the_slack_of_the_long_run_is_the_bound_s():
+    rate = 0.1 + running_maximum_bound(0.1, 0.1, B=1.0) / (500 * len(SEEDS))
+    at = [scaled("missed", factor * rate / 0.1, policy=CARRIED) for factor in (0.999, 1.001)]
+    assert [verdict(40, change) for change in at] == ["holds", "does not hold"]
 
 
 def test_every_rule_is_in_the_ledger_and_has_a_mutation():
