@@ -159,7 +159,7 @@ def _moments(config: Config, who: Agent) -> _Moments:
     view = np.zeros((len(seeds), size, kept[0][2].shape[1]), np.float32)
     for episode, step, seen in kept:
         view[episode, step] = seen
-    steps = rides.steps[rides.steps["l_hat"].notna()]
+    steps = pd.DataFrame(rides.steps[rides.steps["l_hat"].notna()])
     episode = (steps["seed"] - seeds[0]).to_numpy()
     step = steps["step"].to_numpy()
     last, crashed = (rides.episodes[name].to_numpy() for name in ("steps", "crashed"))
