@@ -1,6 +1,6 @@
 # The project's commands. Each one sets up what it needs; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help venv book course test check again faults bench lint lab clean
+.PHONY: help venv book course test check faults bench lint lab clean
 
 SYSTEM_PYTHON ?= python3.11
 BIN := .venv/bin
@@ -24,9 +24,6 @@ test: $(ENV)  ## run every test and gate, without network or browser
 check: book .venv/.browser  ## run the long suites: oracle, faults, rehearsal, browser
 	@$(BIN)/python -m pytest -m "oracle or faults or rehearsal"
 	@$(BIN)/python -m pytest -m browser -n 2 tests/browser
-
-again: $(ENV)  ## train a pair of policies that nobody saw, and compare with the published ones
-	@$(BIN)/python -m pytest -m again
 
 faults: $(ENV)  ## provoke a few thousand faults and count how they end, into _build/faults.json
 	@$(BIN)/python -m tests.faults

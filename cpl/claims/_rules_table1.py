@@ -161,6 +161,8 @@ def _long_run(read: Reader) -> Finding:
 
 def _tuning(read: Reader) -> Finding:
     source, cells = _cells(read)
+    if cells.groups < 2:
+        raise ValueError(f"the spread between training seeds needs two, got {cells.groups!r}")
     conditions, changes = [], []
     for top in _TOPS:
         values = {

@@ -1,4 +1,4 @@
-"""A pair trained anew, at the paper's sizes, agrees with the published result (make again)."""
+"""A pair trained anew, at the paper's sizes, agrees with the published result (pytest -m again)."""
 
 import pytest
 

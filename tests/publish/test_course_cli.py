@@ -113,4 +113,4 @@ def test_slides_need_no_other_host_and_notes_can_be_left_out(tmp_path):
         assert "It is 0.350, of" in page
         assert 'alt="A line that rises."' in page
         assert re.findall(r'(?:src|href)="(?:https?:)?//', page) == []
-        assert "_static/mathjax/tex-chtml.js" in page
+        assert "_static/mathjax/startup.js" in page
