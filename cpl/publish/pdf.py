@@ -131,7 +131,7 @@ def write_pdf(site: Path, document: str, target: Path, *, timeout_s: float = 300
     Raises:
         PdfError: If there is no Chromium, or it complains about the document.
     """
-    beside = site / _PAGES / "_print.html"
+    beside = site / _PAGES / f"_print-{os.getpid()}.html"  # two may print at a time
     atomic_write(beside, document)
     try:
         content = _print(beside, timeout_s)
