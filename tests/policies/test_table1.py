@@ -10,6 +10,7 @@ from cpl.policies.table1 import (
     against_print,
     agreement,
     beside_hull,
+    beside_hull_printed,
     differences,
     equivalent,
     ranks,
@@ -117,3 +118,9 @@ def test_who_is_not_driven_in_a_range_has_nothing_there():
     cells = tabulate(table)
     assert np.isnan(cells.value("duration_s", "speed", 30.0))
     assert cells.value("duration_s", "rl", 30.0) == pytest.approx(30.0)
+
+
+def test_the_printed_switch_is_seconds_above_a_coin():
+    # At 20-40 the best coin sends the agent, 25.0 s at 32.1 m/s, or brakes, 40 s at 20 m/s.
+    share = (23.9 - 20.0) / (32.1 - 20.0)
+    assert beside_hull_printed(40.0) == pytest.approx(37.8 - (40.0 - share * 15.0))
