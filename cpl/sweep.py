@@ -11,7 +11,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Generator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any, TextIO, cast
 
@@ -24,6 +24,8 @@ from cpl.store import WorkStore, fingerprint
 __all__ = ["CodeMismatchError", "Outcome", "Progress", "WorkersLostError", "sweep"]
 
 _log = logging.getLogger(__name__)
+
+_WORKER_WAIT_S = 60
 
 
 class CodeMismatchError(RuntimeError):
@@ -152,6 +154,7 @@ def sweep(
         ValueError: If ``workers`` or ``patience`` is not positive.
         CodeMismatchError: If a worker runs other code than the driver.
         WorkersLostError: If workers keep dying.
+        TimeoutError: If the cluster has no worker, and none comes within a minute.
         Exception: Whatever the function raises, with the shard's name noted on it.
     """
     for name, number in (("workers", workers), ("patience", patience)):
@@ -230,22 +233,21 @@ def _fan_out(
     cluster: str | None,
 ) -> Generator[_Computed, None, None]:
     """Yield shards in the order in which they are finished, wherever they run."""
+    if cluster is not None:
+        yield from _on_cluster(function, shards, origin, cluster)
+        return
     count = min(workers or joblib.cpu_count(), len(shards))
-    work = list(shards.items())
-    if cluster is None and count == 1:
+    work = list(shards.items())  # the caller strikes off what is finished while we go on
+    if count == 1:
         for name, shard in work:
             yield _run(function, name, shard, origin)
         return
-    with _backend(cluster):
-        one_by_one = cast("Any", 1)  # joblib's annotation knows only "auto"
-        pool = joblib.Parallel(
-            n_jobs=-1 if cluster else count,
-            return_as="generator_unordered",
-            batch_size=one_by_one,
-        )
+    one_by_one = cast("Any", 1)  # joblib's annotation knows only "auto"
+    with joblib.parallel_config("loky", inner_max_num_threads=1):
+        pool = joblib.Parallel(n_jobs=count, return_as="generator_unordered", batch_size=one_by_one)
         results = cast(
             "Generator[_Computed, None, None]",
-            pool(joblib.delayed(_run)(function, name, shard, origin) for name, shard in work),
+            pool(joblib.delayed(_run)(function, *item, origin) for item in work),
         )
         try:
             yield from results
@@ -255,20 +257,36 @@ def _fan_out(
                 results.close()
 
 
-@contextmanager
-def _backend(cluster: str | None) -> Generator[None, None, None]:
-    """Choose where joblib runs: processes of one thread each here, or a dask scheduler."""
-    if cluster is None:
-        with joblib.parallel_config("loky", inner_max_num_threads=1):
-            yield
-        return
+def _on_cluster(
+    function: Callable[[Any], pd.DataFrame], shards: Mapping[str, Any], origin: str, address: str
+) -> Generator[_Computed, None, None]:
+    """Yield shards from the workers of a dask scheduler, which runs again what a dead one had."""
     try:
-        from distributed import Client
+        from distributed import Client, KilledWorker, as_completed
     except ImportError as error:
-        msg = f"cluster {cluster!r} needs the extra: pip install 'cpl[cluster]'"
+        msg = f"cluster {address!r} needs the extra: pip install 'cpl[cluster]'"
         raise ImportError(msg) from error
-    with Client(cluster), joblib.parallel_config("dask"):
-        yield
+    with Client(address) as client:
+        try:
+            client.wait_for_workers(1, timeout=_WORKER_WAIT_S)
+        except TimeoutError as error:
+            msg = f"no worker has come to {address} within {_WORKER_WAIT_S} s"
+            raise TimeoutError(msg) from error
+        # pure: a shard's name and this sweep make the key, not a hash of arguments and code.
+        futures = [
+            client.submit(_run, function, name, shard, origin, pure=False)
+            for name, shard in shards.items()
+        ]
+        try:
+            done = cast("Any", as_completed(futures, with_results=True))
+            for future, computed in done:
+                # What is fetched and still held, dask would compute again when its worker dies.
+                future.release()
+                yield computed
+        except KilledWorker as death:
+            raise WorkersLostError(str(death)) from death
+        finally:
+            client.cancel(futures)
 
 
 def _run(function: Callable[[Any], pd.DataFrame], name: str, shard: Any, origin: str) -> _Computed:  # noqa: ANN401

@@ -20,7 +20,7 @@ from tests.bench.frame import Row
 
 PACKAGES = ("dask", "distributed", "joblib", "pandas", "pyarrow")
 FEW, MANY = 50, 250  # empty pieces; the difference leaves out what connecting costs
-WORKERS = (2, 4)  # of one worker joblib makes none: its pieces run in the driver
+WORKERS = (1, 2, 4)
 WAITS = 48
 MEAN_S = 0.4
 

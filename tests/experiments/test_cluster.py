@@ -1,7 +1,4 @@
-"""A real dask scheduler and two workers on loopback: the same results, only lost work again.
-
-Never one worker alone: joblib runs what has a single place to run in the driver.
-"""
+"""A real dask scheduler and its workers on loopback: the same results, only lost work again."""
 
 import json
 import os
@@ -22,7 +19,7 @@ import pytest
 from cpl.cli import main
 from cpl.experiments._machinery import job, run_job
 from cpl.store import WorkStore, project_root
-from cpl.sweep import CodeMismatchError, sweep
+from cpl.sweep import CodeMismatchError, WorkersLostError, sweep
 
 NOWHERE = "tcp://127.0.0.1:1"  # nothing listens there
 KEY = "0" * 64
@@ -137,6 +134,45 @@ def test_a_scheduler_that_is_not_there_is_named(capsys, tmp_path, monkeypatch):
     assert NOWHERE in capsys.readouterr().err
 
 
+def test_a_single_worker_does_the_work_not_the_driver(there, tmp_path):
+    marks = tmp_path / "marks"
+    marks.mkdir()
+    shards = {f"part-{n}": (n, str(marks)) for n in range(3)}
+    with scheduler(tmp_path) as (address, told), worker(told, tmp_path) as only:
+        wait_for(address, 1)
+        sweep(
+            traced, shards, stage="toy", key=KEY, origin="cpl.sweep", store=there,
+            cluster=address, quiet=True,
+        )  # fmt: skip
+    assert {mark.suffix for mark in marks.iterdir()} == {f".{only.pid}"}
+
+
+def test_a_cluster_without_a_worker_is_named(there, tmp_path, monkeypatch):
+    monkeypatch.setattr("cpl.sweep._WORKER_WAIT_S", 0.2)
+    with scheduler(tmp_path) as (address, _), pytest.raises(TimeoutError, match="no worker"):
+        sweep(
+            traced, {"one": (0, str(tmp_path))}, stage="toy", key=KEY, origin="cpl.sweep",
+            store=there, cluster=address, quiet=True,
+        )  # fmt: skip
+
+
+def deadly(shard: int) -> pd.DataFrame:
+    """End whoever runs it."""
+    os.kill(os.getpid(), signal.SIGKILL)
+    return pd.DataFrame({"i": [shard]})
+
+
+def test_a_shard_that_kills_its_worker_is_given_up(there, tmp_path, monkeypatch):
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
+    with scheduler(tmp_path) as (address, told), worker(told, tmp_path):
+        wait_for(address, 1)
+        with pytest.raises(WorkersLostError, match="died"):
+            sweep(
+                deadly, {"one": 0}, stage="toy", key=KEY, origin="cpl.sweep", store=there,
+                cluster=address, quiet=True,
+            )  # fmt: skip
+
+
 def test_a_worker_killed_on_the_way_costs_only_its_shards(there, tmp_path):
     marks = tmp_path / "marks"
     marks.mkdir()
@@ -173,7 +209,6 @@ def test_a_worker_killed_on_the_way_costs_only_its_shards(there, tmp_path):
     assert len(again) <= 3  # what ran, and what was finished and not fetched yet
 
 
-@pytest.mark.filterwarnings("ignore:.*tasks which were still being processed")  # joblib's
 def test_a_worker_with_other_code_is_refused(there, tmp_path):
     other = tmp_path / "other"
     copytree(project_root() / "cpl", other / "cpl", ignore=ignore_patterns("__pycache__"))
