@@ -22,7 +22,7 @@ import pandas as pd
 from cpl.store.keys import canonical_json, plain, versions_below
 from cpl.store.paths import atomic_write, data_path
 from cpl.store.shelf import MisplacedModelError, PublishedShard, put_back, taken_out
-from cpl.store.source import module_digests
+from cpl.store.source import is_module, module_digests
 from cpl.store.tables import (
     column_types,
     decode_table,
@@ -229,10 +229,13 @@ def staleness(manifest: Manifest, parameters: Mapping[str, Any] | None = None) -
         modules, versions = module_digests(*manifest.origins), versions_below(*manifest.origins)
     except ValueError as error:
         return [*reasons, f"its code cannot be read: {error}"]
-    names = sorted(seen.modules.keys() | modules.keys())
-    changed = [name for name in names if seen.modules.get(name) != modules.get(name)]
-    reasons += [f"code changed: {name}" for name in changed]
-    return reasons + _differences("version of", seen.versions, versions)
+    # What it no longer rests on says nothing: whoever imported that has changed, and is named. But
+    # a file that is gone may have been left out only because it cannot be read.
+    gone = {name for name in seen.modules.keys() - modules.keys() if not is_module(name)}
+    changed = [name for name in modules if seen.modules.get(name) != modules[name]]
+    reasons += [f"code changed: {name}" for name in sorted({*changed, *gone})]
+    used = {name: version for name, version in seen.versions.items() if name in versions}
+    return reasons + _differences("version of", used, versions)
 
 
 def _differences(what: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:

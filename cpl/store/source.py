@@ -20,6 +20,7 @@ __all__ = [
     "external_imports",
     "fingerprint",
     "import_closure",
+    "is_module",
     "module_digests",
 ]
 
@@ -172,6 +173,20 @@ def external_imports(*origins: str | Path, root: Path | None = None) -> frozense
     return frozenset(name for module in closure for name in _module_facts(module, base).outside)
 
 
+def is_module(name: str, *, root: Path | None = None) -> bool:
+    """Say whether ``cpl`` has a module of that dotted name.
+
+    Args:
+        name: For example ``"cpl.rng"``.
+        root: Project whose ``cpl`` is meant; by default the one this package is imported from.
+
+    Examples:
+        >>> is_module("cpl.rng"), is_module("cpl.gone")
+        (True, False)
+    """
+    return _file_of(name, _resolved(root)) is not None
+
+
 def _resolved(root: Path | None) -> Path:
     return project_root() if root is None else Path(root).resolve()
 
@@ -246,14 +261,41 @@ def _named_modules(
                 bound[alias.asname or alias.name] = alias.name
         elif isinstance(node, ast.ImportFrom):
             origin = _origin(node, package)
-            named.add(origin)
             for alias in node.names:
-                named.add(f"{origin}.{alias.name}")
+                named.update(_imported(origin, alias.name, root))
                 bound[alias.asname or alias.name] = f"{origin}.{alias.name}"
     for node in nodes:
         if isinstance(node, ast.Call):
             named.update(_called_by_name(node, bound, root))
     return tuple(sorted(name for name in named if _file_of(name, root) is not None))
+
+
+def _imported(origin: str, name: str, root: Path) -> Iterator[str]:
+    """Yield what ``from origin import name`` uses: a module of the package, or the package itself.
+
+    A package from which only a module is taken is run and not used: none of its functions is
+    called. If it has a name of its own that reads the same, that one is what is imported.
+    """
+    module = f"{origin}.{name}"
+    path, package = _file_of(module, root), _file_of(origin, root)
+    if path is not None:
+        yield module
+    if path is None or package is None or name in _own_names(package, package.stat().st_mtime_ns):
+        yield origin
+
+
+@lru_cache(maxsize=4096)
+def _own_names(path: Path, _mtime: int) -> frozenset[str]:
+    """Return the names that a module binds, functions and what it imports among them."""
+    names: set[str] = set()
+    for node in _parse(path.read_text(encoding="utf-8"), str(path)).body:
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+            names.add(node.name)
+        elif isinstance(node, (ast.Import, ast.ImportFrom)):
+            names.update(alias.asname or alias.name.partition(".")[0] for alias in node.names)
+        else:
+            names.update(n.id for n in ast.walk(node) if isinstance(n, ast.Name))
+    return frozenset(names)
 
 
 def _origin(node: ast.ImportFrom, package: str) -> str:

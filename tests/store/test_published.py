@@ -174,6 +174,16 @@ def test_a_removed_module_makes_a_result_unverified_not_unreadable(manifest):
     assert "cpl.gone" in reason
 
 
+def test_what_it_no_longer_rests_on_says_nothing(manifest):
+    seen = manifest.verified
+    more = replace(seen, modules={**seen.modules, "cpl.sweep": "0" * 64}, versions={
+        **seen.versions, "joblib": "0.1",
+    })  # fmt: skip
+    assert staleness(replace(manifest, verified=more)) == []
+    gone = replace(seen, modules={**seen.modules, "cpl.gone": "0" * 64})
+    assert staleness(replace(manifest, verified=gone)) == ["code changed: cpl.gone"]
+
+
 def test_recording_a_verification_leaves_the_table(tmp_path, table, manifest):
     path = publish(table, manifest, root=tmp_path)
     before = path.with_suffix(".parquet").read_bytes()
