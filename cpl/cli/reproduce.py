@@ -39,7 +39,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--workers", type=int, help="processes (default: one a core)")
     parser.add_argument("--dry-run", action="store_true", help="list what would run, and stop")
     parser.add_argument(
-        "--publish", action="store_true", help="keep the report as data/reproduction/report.json"
+        "--publish",
+        action="store_true",
+        help="keep the report as data/reproduction/report.json, and call what agreed verified",
     )
 
 
@@ -71,6 +73,7 @@ def run(args: argparse.Namespace) -> int:
             left_out={**nothing, **chosen},
             workers=args.workers,
             cluster=args.cluster,
+            record=args.publish,
             report=report,
         )
     except KeyboardInterrupt:

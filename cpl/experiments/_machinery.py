@@ -1,7 +1,7 @@
 """What all experiments share: find one, run its shards, publish, re-execute, say what is stale."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -37,6 +37,7 @@ __all__ = [
     "manifest_of",
     "publish_result",
     "published",
+    "record_agreement",
     "run_job",
     "verify",
 ]
@@ -156,8 +157,13 @@ def verify(name: str, profile: str, *, sample: int, seed: int, record: bool = Fa
         seconds=time.process_time() - begun,
     )
     if record and report.agrees:
-        _record(manifest, report)
+        _record(manifest, report.checked)
     return report
+
+
+def record_agreement(name: str, profile: str, shards: Sequence[str]) -> None:
+    """Write down that shards of a published result were computed again, and are the same."""
+    _record(read_manifest(name, profile), shards)
 
 
 def _difference(task: Job, shard: str, stored: pd.DataFrame) -> str | None:
@@ -168,13 +174,13 @@ def _difference(task: Job, shard: str, stored: pd.DataFrame) -> str | None:
     return same_table(computed, stored.reset_index(drop=True), rtol=rtol)
 
 
-def _record(manifest: Manifest, report: Report) -> None:
+def _record(manifest: Manifest, shards: Sequence[str]) -> None:
     verification = Verification(
         date=today(),
         modules=module_digests(*manifest.origins),
         versions=versions_below(*manifest.origins),
-        shards=list(report.checked),
-        of=report.of,
+        shards=list(shards),
+        of=len(manifest.shards),
     )
     record_verification(manifest, verification)
 

@@ -26,12 +26,22 @@ class Pieces:
     """The pieces of an experiment that are published and were computed again.
 
     Attributes:
-        compared: How many; 0 if nothing was published with these settings.
+        shards: Their names; none if nothing was published with these settings.
         differing: One line for each that did not give the same table.
     """
 
-    compared: int
+    shards: tuple[str, ...]
     differing: tuple[str, ...]
+
+    @property
+    def compared(self) -> int:
+        """How many there are."""
+        return len(self.shards)
+
+    @property
+    def agree(self) -> bool:
+        """Whether there are any, and all of them gave the same."""
+        return bool(self.shards) and not self.differing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,10 +80,10 @@ def pieces_again(task: Job, result: Result) -> Pieces:
     try:
         table, manifest = read_published(task.name, _PUBLISHED)
     except FileNotFoundError:
-        return Pieces(compared=0, differing=())
+        return Pieces(shards=(), differing=())
     asked = without_extent(task.module, plain(task.config))
     if without_extent(task.module, manifest.parameters) != asked:
-        return Pieces(compared=0, differing=())
+        return Pieces(shards=(), differing=())
     there = {shard.name: shard for shard in manifest.shards}
     both = [shard for shard in result.provenance.shards if shard.name in there]
     rtol = float(getattr(task.module, "RTOL", 1e-9))
@@ -87,7 +97,7 @@ def pieces_again(task: Job, result: Result) -> Pieces:
         )
         if difference:
             differing.append(f"{mine.name}: {difference}")
-    return Pieces(compared=len(both), differing=tuple(differing))
+    return Pieces(shards=tuple(shard.name for shard in both), differing=tuple(differing))
 
 
 def claims_again(results: Path, whole: Collection[str]) -> list[Claim]:

@@ -110,6 +110,7 @@ def reproduce(
     left_out: Mapping[str, str] | None = None,
     workers: int | None = None,
     cluster: str | None = None,
+    record: bool = False,
     report: Callable[[str], None] = print,
 ) -> dict[str, Any]:
     """Compute everything into a folder, compare, and write `report.json` there.
@@ -122,12 +123,13 @@ def reproduce(
         left_out: What is not run, and why: goes into the report.
         workers: Processes; one a core unless given.
         cluster: Address of a dask scheduler instead.
+        record: Call a published result verified, with today's code, if its pieces are the same.
         report: Told of each step, with an estimate of the time left.
 
     Returns:
         The report: machine, versions, steps with their seconds and pieces, claims.
     """
-    from cpl.experiments._machinery import run_job
+    from cpl.experiments._machinery import record_agreement, run_job
     from cpl.store import WorkStore
 
     store, results = WorkStore(folder / "store"), folder / "results"
@@ -146,7 +148,10 @@ def reproduce(
                 done.append(_told(step, None, time.monotonic() - start, str(error)))
                 continue
             _publish(result, results)
-            done.append(_told(step, result, time.monotonic() - start, None))
+            pieces = pieces_again(step.job, result)
+            if record and pieces.agree:
+                record_agreement(step.experiment, _PUBLISHED, pieces.shards)
+            done.append(_told(step, result, time.monotonic() - start, None, pieces))
     claims = claims_again(results, {s.experiment for s in steps if s.whole})
     told = {
         "made": today(),
@@ -223,7 +228,13 @@ def _left(steps: Sequence[Step], at: int, done: Sequence[dict[str, Any]], elapse
     return f": about {minutes:.0f} min left{more}"
 
 
-def _told(step: Step, result: Result | None, wall_s: float, missing: str | None) -> dict[str, Any]:
+def _told(
+    step: Step,
+    result: Result | None,
+    wall_s: float,
+    missing: str | None,
+    pieces: Pieces | None = None,
+) -> dict[str, Any]:
     return {
         "experiment": step.experiment,
         "whole": step.whole,
@@ -233,7 +244,7 @@ def _told(step: Step, result: Result | None, wall_s: float, missing: str | None)
         "wall_s": round(wall_s, 2),
         "rows": None if result is None else len(result.table),
         "content": None if result is None else result.provenance.content,
-        "pieces": asdict(pieces_again(step.job, result)) if result else None,
+        "pieces": pieces and {"compared": pieces.compared, "differing": list(pieces.differing)},
         "missing": missing,
     }
 

@@ -59,7 +59,7 @@ def test_everything_is_computed_into_a_layer_of_its_own(tmp_path):
     assert seen == ["1"]
     assert "CPL_FRESH" not in os.environ
     assert (tmp_path / "results" / "proximity" / "paper.json").is_file()
-    assert told["steps"][0]["pieces"] == {"compared": 1, "differing": ()}
+    assert told["steps"][0]["pieces"] == {"compared": 1, "differing": []}
     assert [claim["row"] for claim in told["claims"]] == [16]
     assert told["claims"][0]["agrees"]
     assert told["claims"][0]["whole"]
@@ -69,6 +69,18 @@ def test_everything_is_computed_into_a_layer_of_its_own(tmp_path):
     again = reproduce(plan("paper", ["proximity"]), tmp_path, workers=1, report=report)
     assert again["steps"][0]["content"] == told["steps"][0]["content"]
     assert again["resumed"]
+
+
+@pytest.mark.parametrize("record", [True, False])
+def test_what_agreed_is_called_verified_on_demand(tmp_path, monkeypatch, record):
+    recorded = []
+    monkeypatch.setattr(
+        "cpl.experiments._machinery.record_agreement", lambda *told: recorded.append(told)
+    )
+    reproduce(
+        plan("paper", ["proximity"]), tmp_path, workers=1, record=record, report=lambda line: None
+    )
+    assert recorded == ([("proximity", "paper", ("all",))] if record else [])
 
 
 def test_the_command_says_what_it_would_take(capsys):
