@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpl.publish._agreement import Claim, Pieces, claims_again, pieces_again
+from cpl.publish._ahead import ahead, groups
 from cpl.store import atomic_write, machine, source_commit, today
 
 if TYPE_CHECKING:
@@ -116,9 +117,10 @@ def reproduce(
     """Compute everything into a folder, compare, and write `report.json` there.
 
     Stopped and called again with the same folder it goes on where it was, and the report says so.
+    Here, a second process of low priority fills the cores that a step with one piece leaves idle.
 
     Args:
-        steps: From `plan`.
+        steps: From `plan`, at least one.
         folder: Holds the store, the results and the report; empty at first.
         left_out: What is not run, and why: goes into the report.
         workers: Processes; one a core unless given.
@@ -135,7 +137,11 @@ def reproduce(
     store, results = WorkStore(folder / "store"), folder / "results"
     resumed = store.root.exists()
     begun, done = time.monotonic(), list[dict[str, Any]]()
-    with _from_nothing():
+    first, *others = groups(steps)
+    spare = cluster is None and (workers or os.cpu_count() or 1) > 1
+    aside = [step for part in others for step in part] if spare else []
+    steps = [step for part in (first, *others) for step in part]
+    with _from_nothing(), ahead(aside, store.root):
         for number, step in enumerate(steps, 1):
             left = _left(steps, number - 1, done, time.monotonic() - begun)
             report(f"[{number}/{len(steps)}] {step.experiment}{left}")

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import time
 from dataclasses import replace
 
 import pytest
@@ -12,8 +13,9 @@ from cpl.cli import main
 from cpl.experiments._job import job_of
 from cpl.experiments._machinery import published
 from cpl.publish._agreement import agree, claims_again, pieces_again
+from cpl.publish._ahead import ahead, groups
 from cpl.publish.reproduction import plan, reproduce, unpublished
-from cpl.store import PublishedShard, manifests, publish, read_published
+from cpl.store import PublishedShard, WorkStore, manifests, publish, read_published
 
 
 @pytest.fixture(scope="module")
@@ -137,3 +139,28 @@ def test_a_claim_agrees_when_the_intervals_meet():
     assert agree(row, replace(near, low=math.nan), same_seeds=False) is None
     other = replace(row, verdict="undecided")
     assert not agree(row, other, same_seeds=True, timed=True)
+
+
+def test_steps_part_into_groups_that_need_nothing_of_each_other(steps):
+    parts = [[step.experiment for step in part] for part in groups(list(steps.values()))]
+    assert {"base_policies", "forecasts", "table1"} <= set(parts[0])  # the costliest
+    assert ["quadruped_collect", "quadruped_predictor", "quadruped_eval"] in parts
+    assert ["proximity"] in parts
+    assert sorted(name for part in parts for name in part) == sorted(steps)
+    for part in parts:
+        for place, name in enumerate(part):
+            job = steps[name].job
+            needed = {need.experiment for piece in job.pieces for need in job.needs(piece)}
+            assert needed <= set(part[:place])
+
+
+def test_another_process_computes_beside(tmp_path, capfd):
+    told = reproduce(plan("paper", ["windows", "proximity"]), tmp_path, workers=2)
+    assert [step["experiment"] for step in told["steps"]] == ["windows", "proximity"]
+    store = WorkStore(tmp_path / "beside")
+    with ahead(plan("paper", ["proximity"]), store.root):
+        deadline = time.monotonic() + 60
+        while not store.descriptions("proximity") and time.monotonic() < deadline:
+            time.sleep(0.1)
+    assert store.descriptions("proximity")
+    assert "Traceback" not in capfd.readouterr().err
