@@ -15,7 +15,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
@@ -71,7 +71,6 @@ def plan(
         ValueError: If there is no such experiment or profile.
     """
     from cpl.experiments import names
-    from cpl.experiments._costs import expected_seconds
     from cpl.experiments._job import experiment, job, job_of
 
     steps: dict[str, Step] = {}
@@ -82,13 +81,12 @@ def plan(
         if name in without or name in nothing:
             continue
         whole = job(name, profile)
-        task = job_of(name, f"{profile}+", _one_seed(whole))
-        steps[name] = Step(
-            experiment=name,
-            job=task,
-            whole=task.config == whole.config,
-            expected_s=expected_seconds(name, tuple(task.pieces)),
-        )
+        steps[name] = _step(whole, job_of(name, f"{profile}+", _one_seed(whole)))
+    for name, wanted in _needed(steps.values()).items():
+        # A choice made over several seeds, such as the penalties' weights, needs all of them.
+        if name in steps and wanted - steps[name].job.pieces.keys():
+            whole = job(name, profile)
+            steps[name] = _step(whole, whole)
     return _in_order(steps)
 
 
@@ -177,6 +175,26 @@ def reproduce(
     return told
 
 
+def _step(whole: Job, task: Job) -> Step:
+    from cpl.experiments._costs import expected_seconds
+
+    return Step(
+        experiment=task.name,
+        job=task,
+        whole=task.config == whole.config,
+        expected_s=expected_seconds(task.name, tuple(task.pieces)),
+    )
+
+
+def _needed(steps: Iterable[Step]) -> dict[str, set[str]]:
+    """Return the pieces that steps stand on, by experiment."""
+    found: dict[str, set[str]] = {}
+    for step in steps:
+        for need in (need for piece in step.job.pieces for need in step.job.needs(piece)):
+            found.setdefault(need.experiment, set()).update(need.shards)
+    return found
+
+
 def _one_seed(whole: Job) -> Any:  # noqa: ANN401 - its own Config
     """Return the settings with a single training seed, as far as the experiment allows it."""
     config = whole.config
@@ -198,8 +216,7 @@ def _in_order(steps: Mapping[str, Step]) -> list[Step]:
     def place(name: str) -> None:
         if name in ordered or name not in steps:
             return
-        job = steps[name].job
-        for below in sorted({need.experiment for piece in job.pieces for need in job.needs(piece)}):
+        for below in sorted(_needed([steps[name]])):
             place(below)
         ordered[name] = steps[name]
 

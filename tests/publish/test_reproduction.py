@@ -37,6 +37,9 @@ def test_a_plan_takes_one_training_seed_and_the_papers_sizes(steps):
     assert list(steps["base_policies"].job.pieces) == ["safe-0", "speed-0"]
     assert not steps["base_policies"].whole
     assert steps["quadruped_collect"].job.config.trajectories == 43
+    # The penalties' weights are chosen over two seeds: the agents need both.
+    assert steps["penalty_grid"].whole
+    assert not plan("paper", ["penalty_grid"])[0].whole
     (pareto,) = plan("paper", ["pareto"])  # the first pair, not the second
     assert pareto.job.config.first_pair == 0
     with pytest.raises(ValueError, match="no experiment 'pathwisee', did you mean 'pathwise'"):
