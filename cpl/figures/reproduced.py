@@ -39,8 +39,12 @@ class Reproduction:
             f"with {place}: "
             f"{told['wall_s'] / 60:.1f} minutes, {told['processor_s'] / 60:.1f} of processor time."
         )
-        again = " It was stopped and went on, so the minutes are those of the last part."
-        return text + (again if told["resumed"] else "")
+        if told["resumed"]:
+            text += " It was stopped and went on, so the minutes are those of the last part."
+        compared = told["compared"]
+        if compared["commit"] != told["commit"]:
+            text += f" Compared again {compared['date']} by the source {compared['commit'][:8]}."
+        return text
 
     def covers(self) -> str:
         """Say what was computed again, and what was left out and why."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from cpl.claims._ledger import Row
     from cpl.experiments._job import Job
     from cpl.experiments._result import Result
@@ -84,6 +86,7 @@ def pieces_again(task: Job, result: Result) -> Pieces:
     asked = without_extent(task.module, plain(task.config))
     if without_extent(task.module, manifest.parameters) != asked:
         return Pieces(shards=(), differing=())
+    extent = frozenset(getattr(task.module, "EXTENT", ()))
     there = {shard.name: shard for shard in manifest.shards}
     both = [shard for shard in result.provenance.shards if shard.name in there]
     rtol = float(getattr(task.module, "RTOL", 1e-9))
@@ -92,9 +95,7 @@ def pieces_again(task: Job, result: Result) -> Pieces:
         other = there[mine.name]
         again = result.table.iloc[mine.first_row : mine.first_row + mine.rows]
         stored = table.iloc[other.first_row : other.first_row + other.rows]
-        difference = same_table(
-            again.reset_index(drop=True), stored.reset_index(drop=True), rtol=rtol
-        )
+        difference = same_table(_told_apart(again, extent), _told_apart(stored, extent), rtol=rtol)
         if difference:
             differing.append(f"{mine.name}: {difference}")
     return Pieces(shards=tuple(shard.name for shard in both), differing=tuple(differing))
@@ -148,6 +149,35 @@ def agree(published: Row, again: Row, *, same_seeds: bool, timed: bool = False) 
     high = published.value if published.high is None else published.high
     slack = 1e-6 * max(abs(published.value), abs(again.value))
     return again.low <= high + slack and low <= again.high + slack
+
+
+def _told_apart(table: pd.DataFrame, extent: Collection[str]) -> pd.DataFrame:
+    """Return a piece's rows, its models without the settings that only count shards.
+
+    A model says of which run it is a part; a run with fewer seeds trains the same one.
+    """
+    from cpl.store import decode_model, encode_model
+
+    def bare(value: object) -> object:
+        if not isinstance(value, bytes) or not value:
+            return value
+        model = decode_model(value)
+        return encode_model(model.arrays, _without(model.config, extent))
+
+    rows = table.reset_index(drop=True)
+    words = [str(name) for name in rows.columns if rows[name].dtype == object]
+    columns = [name for name in words if any(isinstance(value, bytes) for value in rows[name])]
+    return rows.assign(**{name: rows[name].map(bare) for name in columns})
+
+
+def _without(config: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+    return {
+        key: _without(cast("Mapping[str, Any]", value), names)
+        if isinstance(value, Mapping)
+        else value
+        for key, value in config.items()
+        if key not in names
+    }
 
 
 def _claim(row: Row, again: Row | None, same: bool, reason: str, *, timed: bool = False) -> Claim:

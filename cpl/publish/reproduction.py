@@ -115,7 +115,9 @@ def reproduce(
     """Compute everything into a folder, compare, and write `report.json` there.
 
     Stopped and called again with the same folder it goes on where it was, and the report says so.
-    Here, a second process of low priority fills the cores that a step with one piece leaves idle.
+    Called again when everything is there, it compares anew and keeps what the report says of the
+    computation. On this machine a second process of low priority fills the cores that a step with
+    one piece leaves idle.
 
     Args:
         steps: From `plan`, at least one.
@@ -133,7 +135,7 @@ def reproduce(
     from cpl.store import WorkStore
 
     store, results = WorkStore(folder / "store"), folder / "results"
-    resumed = store.root.exists()
+    resumed, there = store.root.exists(), _shards(store.root)
     begun, done = time.monotonic(), list[dict[str, Any]]()
     first, *others = groups(steps)
     spare = cluster is None and (workers or os.cpu_count() or 1) > 1
@@ -164,12 +166,15 @@ def reproduce(
         "workers": workers or os.cpu_count(),
         "cluster": cluster is not None,
         "resumed": resumed,
+        "compared": {"date": today(), "commit": source_commit()},
         "wall_s": round(time.monotonic() - begun, 1),
         "processor_s": round(sum(step["processor_s"] or 0.0 for step in done), 1),
         "left_out": dict(left_out or {}),
         "steps": done,
         "claims": [asdict(claim) for claim in claims],
     }
+    if there and there == _shards(store.root):
+        told |= _computed_before(folder / "report.json", done)
     text = json.dumps(told, indent=1, sort_keys=True, allow_nan=False)
     atomic_write(folder / "report.json", text + "\n")
     return told
@@ -193,6 +198,22 @@ def _needed(steps: Iterable[Step]) -> dict[str, set[str]]:
         for need in (need for piece in step.job.pieces for need in step.job.needs(piece)):
             found.setdefault(need.experiment, set()).update(need.shards)
     return found
+
+
+def _shards(root: Path) -> frozenset[str]:
+    return frozenset(str(path.relative_to(root)) for path in root.rglob("*.shard"))
+
+
+def _computed_before(path: Path, steps: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return what an earlier report says of the computation; the steps take their times from it."""
+    if not path.exists():
+        return {}
+    earlier = json.loads(path.read_text(encoding="utf-8"))
+    times = {step["experiment"]: step["wall_s"] for step in earlier["steps"]}
+    for step in steps:
+        step["wall_s"] = times.get(step["experiment"], step["wall_s"])
+    names = ("made", "commit", "machine", "workers", "cluster", "resumed", "wall_s")
+    return {name: earlier[name] for name in names}
 
 
 def _one_seed(whole: Job) -> Any:  # noqa: ANN401 - its own Config

@@ -24,6 +24,7 @@ def claim(row, agrees, *, whole=True):
 
 REPORT = {
     "made": "2026-01-02", "commit": "0123456789", "workers": 2, "cluster": False, "resumed": False,
+    "compared": {"date": "2026-01-02", "commit": "0123456789"},
     "machine": {"processor": "AMD EPYC", "cores": 2, "system": "Linux x86_64"},
     "wall_s": 600.0, "processor_s": 1100.0, "left_out": {"legged_walks": "nothing published"},
     "steps": [
@@ -47,6 +48,12 @@ def test_the_report_is_told_as_it_is(found):
     assert found.when() == (
         "Made 2026-01-02 from the source 01234567 on AMD EPYC (2 cores, Linux x86_64), with "
         "2 processes: 10.0 minutes, 18.3 of processor time."
+    )
+    later = {**REPORT, "compared": {"date": "2026-01-03", "commit": "abcdef0123"}}
+    assert (
+        reproduced.Reproduction(later)
+        .when()
+        .endswith(" Compared again 2026-01-03 by the source abcdef01.")
     )
     assert found.covers() == (
         "3 experiments, 2 of them exactly as published and the others with one training seed. "
