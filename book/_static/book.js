@@ -7,7 +7,9 @@ if (location.protocol === "file:") {
 // What is a table for the eye stays one for screen readers.
 document.addEventListener("DOMContentLoaded", () => {
   for (const table of document.querySelectorAll(".bd-article table")) {
-    const heads = [...table.querySelectorAll("thead th")].map((head) => head.textContent.trim());
+    // Formulas are not set yet: a label shows their letters.
+    const plain = (text) => text.replace(/\\\((.*?)\\\)/g, (_, tex) => tex.replace(/[\\{}]/g, ""));
+    const heads = [...table.querySelectorAll("thead th")].map((head) => plain(head.textContent.trim()));
     const rows = [...table.querySelectorAll("tbody tr")];
     const wordy = rows.some((row) => [...row.cells].some((cell) => cell.textContent.length > 45));
     if (heads.length < 3 || !wordy || table.querySelector("[rowspan], [colspan]")) continue;
