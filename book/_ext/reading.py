@@ -20,6 +20,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
+_MOST_MINUTES = 60
 _WORDS_A_MINUTE = 200  # of a text with equations, slower than a novel
 _SECONDS_AN_EQUATION, _SECONDS_A_FIGURE, _SECONDS_A_LINE = 12, 15, 2
 LEDGER = "book/holds"
@@ -99,6 +100,12 @@ def minutes(doctree: nodes.document) -> int:
     return max(1, math.ceil(seconds / 60))
 
 
+def _how_long(doctree: nodes.document) -> str:
+    """Say how long a page takes, or that nobody reads it from end to end."""
+    taken = minutes(doctree)
+    return f"{taken} min" if taken <= _MOST_MINUTES else "to look up"
+
+
 def _is_aside(node: nodes.Node) -> bool:
     """Say whether a node stands in a solution, or in how the page was made."""
     while node.parent is not None:
@@ -119,7 +126,8 @@ def _say_how_long(
 ) -> None:
     if doctree is None or "</h1>" not in context.get("body", ""):
         return
-    facts = [f"{minutes(doctree)} min to read"]
+    taken = _how_long(doctree)
+    facts = [f"{taken} to read" if taken.endswith("min") else taken]
     exercises = context["body"].count('class="exercise ')
     if exercises:
         facts.append(f"{exercises} exercise{'s' if exercises > 1 else ''}")
@@ -163,7 +171,7 @@ def _entry(app: Sphinx, page: str, document: str) -> str:
     tree = app.env.get_doctree(document)
     title = html.escape(app.env.titles[document].astext())
     address = app.builder.get_relative_uri(page, document)
-    return f'<li><a href="{address}">{title}</a> <span>{minutes(tree)} min</span></li>'
+    return f'<li><a href="{address}">{title}</a> <span>{_how_long(tree)}</span></li>'
 
 
 # ---------------------------------------------------------------- the ledger's links
