@@ -22,7 +22,8 @@ test: $(ENV)  ## run every test and gate, without network or browser
 	@$(BIN)/python -m pytest -n 2 --cov=cpl.conformal --cov-branch --cov-report= --cov-fail-under=95
 
 check: book .venv/.browser  ## run the long suites: oracle, faults, rehearsal, browser
-	@$(BIN)/python -m pytest -n 2 -m "oracle or faults or rehearsal"
+	@$(BIN)/python -m pytest -n 2 -m "oracle or faults or rehearsal" --ignore tests/robot
+	@$(BIN)/python -m pytest -m "oracle or faults or rehearsal" tests/robot
 	@$(BIN)/python -m pytest -m browser -n 2 tests/browser
 
 faults: $(ENV)  ## provoke a few thousand faults and count how they end, into _build/faults.json
