@@ -11,6 +11,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Generator, Mapping
+from concurrent.futures import CancelledError
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Any, TextIO, cast
@@ -155,6 +156,7 @@ def sweep(
         CodeMismatchError: If a worker runs other code than the driver.
         WorkersLostError: If workers keep dying.
         TimeoutError: If the cluster has no worker, and none comes within a minute.
+        ConnectionError: If the scheduler goes away.
         Exception: Whatever the function raises, with the shard's name noted on it.
     """
     for name, number in (("workers", workers), ("patience", patience)):
@@ -280,6 +282,9 @@ def _on_cluster(
         try:
             done = cast("Any", as_completed(futures, with_results=True))
             for future, computed in done:
+                if isinstance(computed, CancelledError):  # dask hands it out like a result
+                    msg = f"lost the scheduler at {address}; the same command goes on from here"
+                    raise ConnectionError(msg) from computed
                 # What is fetched and still held, dask would compute again when its worker dies.
                 future.release()
                 yield computed

@@ -57,6 +57,8 @@ def run(args: argparse.Namespace) -> int:
         steps = plan(args.profile, args.experiment, without=args.without)
     except ValueError as error:
         raise UsageError(error) from error
+    if not steps:
+        raise UsageError("nothing is left to compute")
     if args.dry_run:
         return _expected(steps)
     chosen = dict.fromkeys(args.without, "by choice")

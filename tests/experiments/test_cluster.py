@@ -58,9 +58,14 @@ def scheduler(folder):
     words = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(told))
     with running("distributed.cli.dask_scheduler", *words):
         deadline = time.monotonic() + 60
-        while not told.exists() and time.monotonic() < deadline:
+        while not _whole(told) and time.monotonic() < deadline:
             time.sleep(0.05)
         yield json.loads(told.read_text())["address"], told
+
+
+def _whole(told):
+    """Say whether the scheduler has finished writing where it is."""
+    return told.exists() and told.read_text().rstrip().endswith("}")
 
 
 def worker(told, folder, code=None):
@@ -171,6 +176,34 @@ def test_a_shard_that_kills_its_worker_is_given_up(there, tmp_path, monkeypatch)
                 deadly, {"one": 0}, stage="toy", key=KEY, origin="cpl.sweep", store=there,
                 cluster=address, quiet=True,
             )  # fmt: skip
+
+
+def test_a_scheduler_that_goes_away_ends_the_run_and_loses_nothing(there, tmp_path):
+    from distributed import Client
+
+    marks = tmp_path / "marks"
+    marks.mkdir()
+    shards = {f"part-{n}": (n, str(marks)) for n in range(40)}
+    with scheduler(tmp_path) as (address, told), worker(told, tmp_path):
+        wait_for(address, 1)
+        with Client(address) as client:
+            pid = client.run_on_scheduler(os.getpid)
+
+        def strike():
+            while len(there.shards("toy", KEY)) < 3:
+                time.sleep(0.01)
+            os.kill(pid, signal.SIGKILL)
+
+        killer = threading.Thread(target=strike)
+        killer.start()
+        with pytest.raises(ConnectionError, match="lost the scheduler"):
+            sweep(
+                traced, shards, stage="toy", key=KEY, origin="cpl.sweep", store=there,
+                cluster=address, quiet=True,
+            )  # fmt: skip
+        killer.join()
+    assert len(there.shards("toy", KEY)) >= 3
+    assert there.quarantined() == ()
 
 
 def test_a_worker_killed_on_the_way_costs_only_its_shards(there, tmp_path):

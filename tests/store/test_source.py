@@ -72,6 +72,20 @@ def test_passing_through_a_package_does_not_call_its_functions(root):
     assert "cpl.mid" in import_closure(root / "chapter.py", root=root)
 
 
+def test_taking_a_module_from_a_package_does_not_use_the_package(root):
+    taker = root / "cpl/taker.py"
+    taker.write_text("from cpl.experiments import two\n")
+    assert import_closure("cpl.taker", root=root) == (
+        "cpl", "cpl.experiments", "cpl.experiments.two", "cpl.taker",
+    )  # fmt: skip
+    # Of a function and of a name that the package binds itself nobody can say that.
+    taker.write_text("from cpl.experiments import two, compute\n")
+    assert "cpl.mid" in import_closure("cpl.taker", root=root)
+    change(root, "cpl/experiments/__init__.py", "def compute", "two = 2\n\n\ndef compute")
+    taker.write_text("from cpl.experiments import two\n")
+    assert "cpl.mid" in import_closure("cpl.taker", root=root)
+
+
 @pytest.mark.parametrize(
     ("code", "expected"),
     [
