@@ -223,9 +223,11 @@ def _number_bytes(column: pd.Series) -> bytes:
 
 
 def _text_bytes(column: pd.Series) -> bytes:
-    missing = column.isna()
-    parts = (None if gone else str(v).encode() for v, gone in zip(column, missing, strict=True))
-    return b"".join(b"-;" if p is None else b"%d:%b;" % (len(p), p) for p in parts)
+    # Few texts stand in many rows: each is spelled once. A missing one has the code -1, the last.
+    codes, texts = pd.factorize(column)
+    raws = [str(text).encode() for text in texts]
+    spelled = np.array([*(b"%d:%b;" % (len(raw), raw) for raw in raws), b"-;"], dtype=object)
+    return b"".join(spelled[codes])
 
 
 def _raw_bytes(column: pd.Series) -> bytes:

@@ -1,3 +1,4 @@
+import hashlib
 import io
 import pickle
 
@@ -73,6 +74,22 @@ def test_the_digest_is_of_the_content_not_of_the_file(table):
 )
 def test_any_change_of_content_changes_the_digest(table, change):
     assert table_digest(change(table)) != table_digest(table)
+
+
+@pytest.mark.parametrize("dtype", ["str", "string[python]", object])
+@given(
+    texts=st.lists(
+        st.none() | st.sampled_from(["", "a", "a\0", "π;:", "-"]) | st.text(), max_size=9
+    )
+)
+def test_text_is_spelled_cell_by_cell(texts, dtype):
+    column = pd.Series(texts, dtype=dtype)
+    column = pd.concat([column, column[::-1]], ignore_index=True)  # two pieces in memory
+    cells = [*texts, *reversed(texts)]
+    spelled = "".join("-;" if t is None else f"{len(t.encode())}:{t};" for t in cells)
+    said = f"{len(cells)} rows\n'rule' text\n{spelled}"
+    digest = hashlib.sha256(said.encode()).hexdigest()
+    assert table_digest(pd.DataFrame({"rule": column})) == digest
 
 
 def test_text_cannot_be_shifted_between_rows():
