@@ -19,6 +19,7 @@ from cpl.store import (
     manifests,
     module_digests,
     publish,
+    published,
     read_manifest,
     read_published,
     record_verification,
@@ -73,6 +74,20 @@ def test_publish_and_read(tmp_path, table, manifest):
     assert told.parameters == {"alpha": 0.1, "n": 4}
     assert manifests(root=tmp_path) == [told]
     assert pd.read_parquet(path.with_suffix(".parquet"))["rule"].tolist() == list("aabb")
+
+
+def test_what_a_file_says_is_decoded_once(tmp_path, table, manifest, monkeypatch):
+    decoded = []
+    real = published.decode_table
+    monkeypatch.setattr(published, "decode_table", lambda b: decoded.append(b) or real(b))
+    for root in (tmp_path / "a", tmp_path / "a", tmp_path / "b"):
+        publish(table.assign(n=table["n"] + 97), manifest, root=root)
+        back, _ = read_published("toy", "paper", root=root)
+        assert back["n"].tolist() == [97, 98, 99, 100]
+        back.loc[0, "n"] = -1  # a caller's own
+    assert len(decoded) == 1
+    publish(table.assign(n=table["n"] + 98), manifest, root=tmp_path / "a")
+    assert read_published("toy", "paper", root=tmp_path / "a")[0]["n"].tolist()[0] == 98
 
 
 def test_publishing_twice_writes_the_same_bytes(tmp_path, table, manifest):
