@@ -2,7 +2,9 @@
 .DEFAULT_GOAL := help
 .PHONY: help venv book course test check faults bench lint lab clean
 
-SYSTEM_PYTHON ?= python3.11
+# The first of these that runs and can make an environment; `make venv SYSTEM_PYTHON=...` takes another.
+PYTHONS := python3.11 python3.12 python3.13
+SYSTEM_PYTHON ?= $(firstword $(foreach python,$(PYTHONS),$(if $(shell $(python) -c 'import ensurepip, venv' 2>/dev/null && echo yes),$(python))))
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check -qq install -c constraints.txt
 ENV := .venv/.installed
@@ -47,6 +49,8 @@ clean:  ## remove everything that was built, but not .venv
 
 # Extras are installed when first asked for, and again when the pinned versions change.
 $(ENV): pyproject.toml constraints.txt
+	@test -x $(BIN)/python || test -n "$(SYSTEM_PYTHON)" || \
+	  { echo "make needs one of $(PYTHONS) with venv; Debian and Ubuntu call it python3-venv" >&2; exit 2; }
 	@test -x $(BIN)/python || $(SYSTEM_PYTHON) -m venv .venv
 	@echo "installing the pinned versions into .venv (minutes, once)"
 	@$(PIP) -e ".[book,test]"
