@@ -19,7 +19,7 @@ from docutils.statemachine import StringList
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from cpl.publish.course.exercises import exercises_of
+from cpl.course.exercises import exercises_of
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

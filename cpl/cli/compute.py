@@ -36,8 +36,8 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Compute, and show where the result comes from."""
-    from cpl.experiments._machinery import job, publish_result, run_job
-    from cpl.experiments._settings import parsed, spelled
+    from cpl.experiments.run.publication import job, publish_result, run_job
+    from cpl.experiments.run.settings import parsed, spelled
     from cpl.sweep import CodeMismatchError, WorkersLostError
 
     try:

@@ -47,8 +47,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _build(args: argparse.Namespace) -> int:
-    from cpl.publish.course.editions import LeakError, build_course
-    from cpl.publish.course.labs import GraderError
+    from cpl.course.editions import LeakError, build_course
+    from cpl.course.labs import GraderError
     from cpl.publish.execute import ExecutionError
     from cpl.publish.render import SiteError
 
@@ -73,8 +73,8 @@ def _build(args: argparse.Namespace) -> int:
 
 
 def _list() -> int:
-    from cpl.publish.course.editions import pages_of
-    from cpl.publish.course.exercises import exercises_of
+    from cpl.course.editions import pages_of
+    from cpl.course.exercises import exercises_of
 
     for place, text in pages_of(project_root()).items():
         for one in exercises_of(text, Path(place).name):
@@ -87,7 +87,7 @@ def _grade(args: argparse.Namespace) -> int:
     if missing:
         msg = f"there is no file {missing[0]}"
         raise UsageError(msg)
-    from cpl.publish.course.labs import GraderError, grade
+    from cpl.course.labs import GraderError, grade
 
     failed = 0
     for notebook in args.notebook:

@@ -30,8 +30,8 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Compute what is missing, then write all files or none."""
-    from cpl.experiments._machinery import job, run_job
-    from cpl.experiments._quadruped_logs import beside, record
+    from cpl.experiments.quadruped.recording import beside, record
+    from cpl.experiments.run.publication import job, run_job
 
     if args.folder.exists():
         msg = f"FOLDER must not exist yet, got {str(args.folder)!r}"

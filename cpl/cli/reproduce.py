@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from cpl.cli import UsageError, project_root
 
 if TYPE_CHECKING:
-    from cpl.publish.reproduction import Step
+    from cpl.reproduce.reproduction import Step
 
 __all__ = ["register", "run"]
 
@@ -47,7 +47,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Compute, then print claim against claim."""
-    from cpl.publish.reproduction import plan, reproduce, unpublished
+    from cpl.reproduce.reproduction import plan, reproduce, unpublished
     from cpl.store import atomic_write, data_path
 
     if args.workers is not None and args.workers < 1:

@@ -24,10 +24,10 @@ def run(args: argparse.Namespace) -> int:
     """Print one block an experiment."""
     from cpl.cli import UsageError
     from cpl.experiments import names
-    from cpl.experiments._machinery import experiment
+    from cpl.experiments.run.publication import experiment
 
     if args.record:
-        from cpl.experiments._costs import record
+        from cpl.experiments.run.costs import record
 
         print(f"noted in {record()}")
         return 0
@@ -45,8 +45,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _computed(name: str) -> list[str]:
     """Say for each profile what today's code has computed, and why older results are not used."""
-    from cpl.experiments._machinery import experiment, job
-    from cpl.experiments._upstream import without_extent
+    from cpl.experiments.run.inputs import without_extent
+    from cpl.experiments.run.publication import experiment, job
     from cpl.store import WorkStore, plain
 
     store, lines = WorkStore(), list[str]()
@@ -77,7 +77,7 @@ def _changed(told: Mapping[str, Any], origin: str) -> list[str]:
 
 def _published(name: str) -> list[str]:
     """Say for each profile whether what is published is verified, and if not, why."""
-    from cpl.experiments._machinery import published
+    from cpl.experiments.run.publication import published
     from cpl.store import manifests
 
     lines: list[str] = []

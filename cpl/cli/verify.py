@@ -28,7 +28,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Verify one experiment or all, one line each."""
-    from cpl.experiments._machinery import verify
+    from cpl.experiments.run.publication import verify
     from cpl.store import DamagedResultError, manifests
 
     try:

@@ -1,6 +1,6 @@
 """One module an experiment: what is asked, with which settings, and how a shard of it is computed.
 
-An experiment is a module of this folder with
+An experiment is a module of one of these folders, each of which is a question, with
 
 - a docstring whose first line is its question,
 - `Config`, a frozen dataclass whose fields are numbers, text or tuples of them,
@@ -21,7 +21,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from cpl.experiments._result import Report, Result
+    from cpl.experiments.run.result import Report, Result
 
 __all__ = ["compute", "names", "published", "verify"]
 
@@ -45,7 +45,7 @@ def compute(name: str, profile: str = "book", **changes: object) -> Result:
         >>> table.columns.tolist()
         ['l_m', 'l_tilde']
     """
-    from cpl.experiments._machinery import compute as _compute
+    from cpl.experiments.run.publication import compute as _compute
 
     return _compute(name, profile, changes)
 
@@ -65,7 +65,7 @@ def published(name: str, profile: str = "paper") -> Result:
         FileNotFoundError: If it is not published.
         cpl.store.DamagedResultError: If its files do not agree with each other.
     """
-    from cpl.experiments._machinery import published as _published
+    from cpl.experiments.run.publication import published as _published
 
     return _published(name, profile)
 
@@ -88,7 +88,7 @@ def verify(name: str, profile: str = "paper", *, sample: int = 2, seed: int = 0)
         FileNotFoundError: If it is not published.
         ValueError: If there is no such experiment, or ``sample`` is not positive.
     """
-    from cpl.experiments._machinery import verify as _verify
+    from cpl.experiments.run.publication import verify as _verify
 
     return _verify(name, profile, sample=sample, seed=seed)
 
@@ -100,6 +100,6 @@ def names() -> tuple[str, ...]:
         >>> "proximity" in names()
         True
     """
-    import pkgutil
+    from cpl.experiments.run.found import names as _names
 
-    return tuple(sorted(m.name for m in pkgutil.iter_modules(__path__) if m.name[0] != "_"))
+    return _names()

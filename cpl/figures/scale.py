@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from cpl.experiments._costs import Stage, stages
-from cpl.experiments._schedule import Piece, longest_path_s, makespan, one_after_another
+from cpl.experiments.run.costs import Stage, stages
+from cpl.experiments.run.schedule import Piece, longest_path_s, makespan, one_after_another
 from cpl.figures.style import BLUE, GREY, INK, Card, card, drawn
 from cpl.figures.table import Table, bench_table
 from cpl.store import data_path

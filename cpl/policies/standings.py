@@ -78,7 +78,7 @@ def overview(
     that were calibrated, and for the pairs whose safe policy is sound.
 
     Args:
-        table: What `cpl.experiments.pareto` returns.
+        table: What `cpl.experiments.switch.pareto` returns.
         first: The method whose leads they are.
         others: The methods beside it.
         top_mps: Upper end of the main range [m/s].

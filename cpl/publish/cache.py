@@ -18,6 +18,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from cpl.experiments import names
 from cpl.publish.chapters import Chapter
 from cpl.publish.parameters import Value
 from cpl.store import atomic_write, canonical_json, cpl_imports, fingerprint, import_closure
@@ -103,7 +104,7 @@ def _manifests(chapter: Chapter, closure: tuple[str, ...], root: Path) -> dict[s
     of claims or names a path of `data/` itself depends on all of them.
     """
     data = root / "data"
-    experiments = {m.split(".")[2] for m in closure if m.startswith("cpl.experiments.")}
+    experiments = {module.rpartition(".")[2] for module in closure}.intersection(names())
     everything = (
         any(m.split(".")[1:2] == ["claims"] for m in closure) or "data_path" in chapter.code
     )

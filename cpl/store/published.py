@@ -11,7 +11,7 @@ Models that a table carries as bytes lie in files of their own, see `cpl.store.s
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import lru_cache
 from hashlib import sha256
@@ -218,12 +218,19 @@ def record_verification(
     return verified
 
 
-def staleness(manifest: Manifest, parameters: Mapping[str, Any] | None = None) -> list[str]:
+def staleness(
+    manifest: Manifest,
+    parameters: Mapping[str, Any] | None = None,
+    *,
+    origins: Sequence[str] | None = None,
+) -> list[str]:
     """Say why a published result is unverified: what differs from the code that last agreed.
 
     Args:
         manifest: Of the published result.
         parameters: What the profile asks for today; not compared if None.
+        origins: Modules that compute it today; those that did, unless given. A module that was
+            moved since counts as changed.
 
     Returns:
         One line a reason; empty if the result is verified.
@@ -233,7 +240,8 @@ def staleness(manifest: Manifest, parameters: Mapping[str, Any] | None = None) -
     if parameters is not None:
         reasons += _differences("parameter", manifest.parameters, plain(parameters))
     try:
-        modules, versions = module_digests(*manifest.origins), versions_below(*manifest.origins)
+        here = manifest.origins if origins is None else origins
+        modules, versions = module_digests(*here), versions_below(*here)
     except ValueError as error:
         return [*reasons, f"its code cannot be read: {error}"]
     # What it no longer rests on says nothing: whoever imported that has changed, and is named. But

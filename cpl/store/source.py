@@ -24,9 +24,11 @@ __all__ = [
     "module_digests",
 ]
 
-# Calls that name an experiment as text: a chapter that says compute("coverage") depends on
-# cpl.experiments.coverage although it never imports it.
+# Calls that name an experiment as text: a chapter that says compute("coverage") depends on the
+# module coverage in one of the folders of cpl.experiments although it never imports it. What such a
+# module binds tells it from those that experiments share.
 _BY_NAME = {"cpl.experiments": ("compute", "published", "verify")}
+_MARK = "run_shard"
 
 
 def cpl_imports(code: str, *, root: Path | None = None) -> tuple[str, ...]:
@@ -321,11 +323,19 @@ def _called_by_name(call: ast.Call, bound: dict[str, str], root: Path) -> Iterab
         return [literal] if isinstance(literal, str) else []
     for room, functions in _BY_NAME.items():
         if target in {f"{room}.{function}" for function in functions}:
-            if isinstance(literal, str):
-                return [f"{room}.{literal}"]
-            folder = root.joinpath(*room.split("."))
-            return [f"{room}.{path.stem}" for path in folder.glob("*.py")]
+            found = _experiments(root.joinpath(*room.split(".")))
+            wanted = [literal] if isinstance(literal, str) else list(found)
+            return [f"{room}.{found[name]}" for name in wanted if name in found]
     return []
+
+
+def _experiments(room: Path) -> dict[str, str]:
+    """Return the experiments in the folders of a room: name -> dotted name within the room."""
+    return {
+        path.stem: f"{path.parent.name}.{path.stem}"
+        for path in sorted(room.glob("*/*.py"))
+        if _MARK in _own_names(path, path.stat().st_mtime_ns)
+    }
 
 
 def _dotted(node: ast.expr) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from cpl.experiments._schedule import Piece, makespan
+from cpl.experiments.run.schedule import Piece, makespan
 from cpl.rng import stream
 from cpl.store import WorkStore
 from cpl.sweep import sweep

@@ -10,7 +10,7 @@ import time
 import pytest
 
 from cpl.cli import main
-from cpl.experiments._machinery import job
+from cpl.experiments.run.publication import job
 from cpl.store import WorkStore, data_path, plain
 
 
@@ -86,7 +86,7 @@ def test_verify_compares_what_is_published(capsys):
 
 
 def test_verify_differs_with_status_1(capsys, monkeypatch):
-    from cpl.experiments import proximity
+    from cpl.experiments.road import proximity
 
     monkeypatch.setattr(proximity, "proximity", lambda l_m: l_m * 0.5)
     assert main(["verify", "proximity"]) == 1

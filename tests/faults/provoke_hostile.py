@@ -19,8 +19,8 @@ import numpy as np
 from docutils.core import publish_string
 
 from cpl.cli import UsageError
-from cpl.experiments._machinery import job
-from cpl.experiments._settings import parsed
+from cpl.experiments.run.publication import job
+from cpl.experiments.run.settings import parsed
 from cpl.logs import LogError, RunInfo, read_run, write_run
 from cpl.network import decode_networks
 from cpl.publish import cache, grid

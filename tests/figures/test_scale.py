@@ -2,8 +2,8 @@
 
 import pytest
 
-from cpl.experiments._costs import Stage, expected_seconds
-from cpl.experiments._schedule import Piece
+from cpl.experiments.run.costs import Stage, expected_seconds
+from cpl.experiments.run.schedule import Piece
 from cpl.figures import scale
 
 TOY = scale.Costs(

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import torch
 
-from cpl.experiments.learner_check import Config as Check
-from cpl.experiments.learner_check import compare
-from cpl.experiments.learner_check import run_shard as check_shard
-from cpl.experiments.learner_check import shards as check_shards
+from cpl.experiments.trained.learner_check import Config as Check
+from cpl.experiments.trained.learner_check import compare
+from cpl.experiments.trained.learner_check import run_shard as check_shard
+from cpl.experiments.trained.learner_check import shards as check_shards
 from cpl.highway import PAPER, Config
 from cpl.policies.dqn import DivergedError, DQNConfig, train
 from cpl.policies.dqn.compiled import train_compiled

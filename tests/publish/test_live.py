@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cpl.experiments import published, replays
+from cpl.experiments import published
+from cpl.experiments.listen import replays
 from cpl.policies.measures import SUMS
 from cpl.publish.live import as_script, live_files, tracker_vectors
 from cpl.publish.live._pareto import points

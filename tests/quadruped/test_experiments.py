@@ -6,18 +6,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cpl.experiments import (
-    _quadruped,
+from cpl.experiments import published, verify
+from cpl.experiments.quadruped import lab as _quadruped
+from cpl.experiments.quadruped import (
     legged_collect,
     legged_predictor,
     legged_walks,
-    published,
     quadruped_collect,
     quadruped_eval,
     quadruped_logs,
     quadruped_predictor,
     quadruped_walks,
-    verify,
 )
 from cpl.quadruped import COLUMNS, GainLimits, PolicyConfig, Predictor, decode_predictor
 from cpl.quadruped.predictor import encode_predictor

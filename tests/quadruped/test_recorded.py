@@ -9,9 +9,10 @@ import pandas as pd
 import pytest
 
 from cpl.cli import main
-from cpl.experiments import published, quadruped_walks
-from cpl.experiments._quadruped_logs import record
-from cpl.experiments._result import Provenance, Result
+from cpl.experiments import published
+from cpl.experiments.quadruped import quadruped_walks
+from cpl.experiments.quadruped.recording import record
+from cpl.experiments.run.result import Provenance, Result
 from cpl.logs import read_run, read_runs
 from cpl.quadruped import COLUMNS, shape, summary
 from cpl.store import data_path

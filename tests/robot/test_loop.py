@@ -285,7 +285,7 @@ def test_halting_means_zero_and_then_standing(lockstep):
 
 
 def test_the_rehearsed_hall_and_ranges_are_those_of_the_book():
-    from cpl.experiments import _quadruped as book
+    from cpl.experiments.quadruped import lab as book
 
     assert (
         rehearsal_world().config == book.lab(book.LIGHT, book.RICHNESS, book.EXPOSURE_S, 0).config

@@ -18,8 +18,11 @@ TREE = {
     "cpl/up/near.py": "from ..low import maths\nfrom . import side\n",
     "cpl/up/side.py": "import importlib\nX = importlib.import_module('cpl.mid')\n",
     "cpl/experiments/__init__.py": "def compute(name):\n    import cpl.mid\n",
-    "cpl/experiments/one.py": "import cpl.low.maths\n",
-    "cpl/experiments/two.py": "",
+    "cpl/experiments/a/__init__.py": "",
+    "cpl/experiments/a/one.py": "import cpl.low.maths\ndef run_shard(): ...\n",
+    "cpl/experiments/a/shared.py": "",
+    "cpl/experiments/b/__init__.py": "def start():\n    import cpl.mid\n",
+    "cpl/experiments/b/two.py": "def run_shard(): ...\n",
     "chapter.py": "from cpl.experiments import compute as run\nrun('one', profile='book')\n",
 }
 
@@ -61,28 +64,28 @@ def test_closure_table(root, origin, expected):
 
 def test_a_chapter_depends_on_the_experiment_it_names(root):
     closure = import_closure(root / "chapter.py", root=root)
-    assert "cpl.experiments.one" in closure
+    assert "cpl.experiments.a.one" in closure
     assert "cpl.low.maths" in closure
-    assert "cpl.experiments.two" not in closure
+    assert "cpl.experiments.b.two" not in closure
 
 
 def test_passing_through_a_package_does_not_call_its_functions(root):
-    assert "cpl.mid" not in import_closure("cpl.experiments.one", root=root)
+    assert "cpl.mid" not in import_closure("cpl.experiments.a.one", root=root)
     assert "cpl.mid" in import_closure("cpl.experiments", root=root)
     assert "cpl.mid" in import_closure(root / "chapter.py", root=root)
 
 
 def test_taking_a_module_from_a_package_does_not_use_the_package(root):
     taker = root / "cpl/taker.py"
-    taker.write_text("from cpl.experiments import two\n")
+    taker.write_text("from cpl.experiments.b import two\n")
     assert import_closure("cpl.taker", root=root) == (
-        "cpl", "cpl.experiments", "cpl.experiments.two", "cpl.taker",
+        "cpl", "cpl.experiments", "cpl.experiments.b", "cpl.experiments.b.two", "cpl.taker",
     )  # fmt: skip
     # Of a function and of a name that the package binds itself nobody can say that.
-    taker.write_text("from cpl.experiments import two, compute\n")
+    taker.write_text("from cpl.experiments.b import two, start\n")
     assert "cpl.mid" in import_closure("cpl.taker", root=root)
-    change(root, "cpl/experiments/__init__.py", "def compute", "two = 2\n\n\ndef compute")
-    taker.write_text("from cpl.experiments import two\n")
+    change(root, "cpl/experiments/b/__init__.py", "def start", "two = 2\n\n\ndef start")
+    taker.write_text("from cpl.experiments.b import two\n")
     assert "cpl.mid" in import_closure("cpl.taker", root=root)
 
 
@@ -98,7 +101,7 @@ def test_taking_a_module_from_a_package_does_not_use_the_package(root):
 )
 def test_experiments_named_as_text(root, code, expected):
     found = cpl_imports(code, root=root)
-    assert {n.rpartition(".")[2] for n in found if n.count(".") == 2} - {"__init__"} == expected
+    assert {n.rpartition(".")[2] for n in found if n.count(".") == 3} == expected
 
 
 def test_comments_docstrings_and_layout_do_not_count(root):
@@ -111,7 +114,7 @@ def test_comments_docstrings_and_layout_do_not_count(root):
 
 
 def test_a_changed_line_counts_for_exactly_what_depends_on_it(root):
-    modules = ["cpl.low", "cpl.low.other", "cpl.mid", "cpl.up.near", "cpl.experiments.two"]
+    modules = ["cpl.low", "cpl.low.other", "cpl.mid", "cpl.up.near", "cpl.experiments.b.two"]
     before = {m: fingerprint(m, root=root) for m in modules}
     change(root, "cpl/low/other.py", "ZERO = 0", "ZERO = 1")
     changed = {m for m in modules if fingerprint(m, root=root) != before[m]}
@@ -137,9 +140,9 @@ def test_types_of_constants_count(root):
 
 
 def test_a_renamed_module_counts(root):
-    before = fingerprint("cpl.experiments.two", root=root)
-    (root / "cpl/experiments/two.py").rename(root / "cpl/experiments/three.py")
-    assert fingerprint("cpl.experiments.three", root=root) != before
+    before = fingerprint("cpl.experiments.b.two", root=root)
+    (root / "cpl/experiments/b/two.py").rename(root / "cpl/experiments/b/three.py")
+    assert fingerprint("cpl.experiments.b.three", root=root) != before
 
 
 def test_a_script_counts_with_its_own_code(root):

@@ -53,7 +53,7 @@ def points(table: pd.DataFrame) -> list[dict[str, Any]]:
     pair, so a point's limit is the mean of theirs.
 
     Args:
-        table: What `cpl.experiments.pareto` returns.
+        table: What `cpl.experiments.switch.pareto` returns.
 
     Returns:
         One entry a range, method and level: `range`, `method`, `q_safe`, and `speed`, `duration`

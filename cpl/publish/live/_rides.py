@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from cpl.experiments.replays import Config
+from cpl.experiments.listen.replays import Config
 from cpl.publish.live._script import as_script
 
 __all__ = ["FRAMES_PER_SECOND", "opening_moments", "ride_scripts", "scenes"]
@@ -44,7 +44,7 @@ def ride_scripts(table: pd.DataFrame, config: Config) -> dict[str, str]:
     """Return the scripts of all scenes.
 
     Args:
-        table: What `cpl.experiments.replays` returns.
+        table: What `cpl.experiments.listen.replays` returns.
         config: The configuration it was computed with.
 
     Returns:
@@ -91,7 +91,7 @@ def opening_moments(table: pd.DataFrame, config: Config) -> dict[str, pd.DataFra
     """Return the opening scene at the end of its shortest ride, policy by policy.
 
     Args:
-        table: What `cpl.experiments.replays` returns.
+        table: What `cpl.experiments.listen.replays` returns.
         config: The configuration it was computed with.
 
     Returns:

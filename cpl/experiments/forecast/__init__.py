@@ -1,0 +1,1 @@
+"""How well can three seconds be foreseen, and how honest is the uncertainty?"""

@@ -1,0 +1,1 @@
+"""What is the road like, and is it highway-env's?"""

@@ -1,0 +1,1 @@
+"""What does a policy gain that switches on the tracked quantile?"""

@@ -1,0 +1,1 @@
+"""What do the theorems promise, as printed and as corrected?"""

@@ -1,0 +1,1 @@
+"""Everything again from nothing, compared with what is published."""
