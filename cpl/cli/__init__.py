@@ -15,10 +15,13 @@ from __future__ import annotations
 import argparse
 import os
 import pkgutil
+import platform
 import sys
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
+
+from cpl.optional import explain, look_all
 
 __all__ = ["UsageError", "main", "project_root"]
 
@@ -37,10 +40,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit status.
     """
     words = list(sys.argv[1:] if argv is None else argv)
-    args = _parser(words).parse_args(words)
-    command = import_module(f"{__name__}.{args.command}")
+    parser = _parser(words)
+    args = parser.parse_args(words)
+    if args.version:
+        return _tell_version(args.long)
+    if args.command is None:
+        parser.error("the following arguments are required: COMMAND")
     try:
-        return command.run(args)
+        return import_module(f"{__name__}.{args.command}").run(args)
+    except ImportError as error:
+        lacks = explain(error)
+        if lacks is None:
+            raise
+        print(f"cpl {args.command}: {lacks}", file=sys.stderr)
+        return 2
     except UsageError as refusal:
         print(f"cpl {args.command}: {refusal}", file=sys.stderr)
         return 2
@@ -57,14 +70,16 @@ def project_root() -> Path:
     return Path(__file__).resolve().parents[2]
 
 
-class _Version(argparse.Action):
-    """Look the version up only when it is asked for."""
+def _tell_version(long: bool) -> int:
+    """Look the version up only when it is asked for; the long answer tries every library."""
+    from importlib.metadata import version
 
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from importlib.metadata import version
-
-        print(f"cpl {version('cpl')}")
-        parser.exit()
+    print(f"cpl {version('cpl')}")
+    if long:
+        print(f"Python {platform.python_version()}, {sys.executable}")
+        for library in look_all():
+            print(library)
+    return 0
 
 
 def _parser(words: list[str]) -> argparse.ArgumentParser:
@@ -74,8 +89,11 @@ def _parser(words: list[str]) -> argparse.ArgumentParser:
         description="Run, build and check the executable book on conformal policy learning.",
         allow_abbrev=False,
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
-    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    parser.add_argument("--version", action="store_true", help="show the version and exit")
+    parser.add_argument(
+        "--long", action="store_true", help="with --version: and which optional libraries work"
+    )
+    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND")
     names = _commands()
     for name in words[:1] if words[:1] and words[0] in names else names:
         import_module(f"{__name__}.{name}").register(subparsers)

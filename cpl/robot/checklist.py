@@ -14,9 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from cpl.optional import look
 from cpl.quadruped import Path as Course
 from cpl.robot.clock import urgent
-from cpl.robot.go1 import vendor_version
+from cpl.robot.go1 import SDK
 from cpl.robot.guard import GuardConfig
 from cpl.robot.interfaces import ZERO, Fix, Mode, RobotError
 from cpl.robot.loop import READY_S, Robot, prepare
@@ -132,19 +133,19 @@ def watchdog_trips(robot: Robot) -> Item:
 
 
 def _until_no(*looks: Callable[[], Item]) -> Iterator[Item]:
-    for look in looks:
-        item = look()
+    for each in looks:
+        item = each()
         yield item
         if not item.ok:
             return
 
 
 def _vendor(library: str, hardware: bool) -> Item:
-    name, found = "the robot's library", vendor_version()
-    if found is not None and library != "wire":
-        return Item(name=name, ok=True, said=f"unitree-legged-sdk {found}")
-    what = "our own datagrams (cpl.robot.wire); the vendor's library is not "
-    what += "asked for" if found is not None else "installed: pip install -e '.[go1]'"
+    name, found = "the robot's library", look(SDK)
+    if found and library != "wire":
+        return Item(name=name, ok=True, said=str(found))
+    what = "our own datagrams (cpl.robot.wire); "
+    what += "the vendor's library is not asked for" if found else str(found)
     ok = library != "sdk" and not hardware
     return Item(name=name, ok=ok, said=what)
 

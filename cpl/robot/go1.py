@@ -12,10 +12,10 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Protocol
 
+from cpl.optional import look
 from cpl.robot.envelope import Envelope, clamp
 from cpl.robot.interfaces import ZERO, BaseState, Command, Mode, RobotError
 from cpl.robot.ports import Address, drain
@@ -34,7 +34,7 @@ __all__ = ["GO1", "LIBRARIES", "LOCAL_PORT", "Go1Base", "vendor_version"]
 GO1: Address = ("192.168.123.161", 8082)  # the motion controller on the robot's own network
 LOCAL_PORT = 8080  # what the vendor's examples send from
 LIBRARIES = ("auto", "sdk", "wire")
-PACKAGE = "unitree-legged-sdk"
+PACKAGE, SDK = "unitree-legged-sdk", "unitree_legged_sdk"
 BURST = 200  # states taken at once
 
 
@@ -66,7 +66,7 @@ class Go1Base:
             raise ValueError(f"library must be one of {', '.join(LIBRARIES)}, not {library!r}")
         vendor = vendor_version()
         if library == "sdk" and vendor is None:
-            raise RobotError(f"{PACKAGE} is not installed: pip install -e '.[go1]'")
+            raise RobotError(str(look(SDK)))
         use_vendor = vendor is not None and library != "wire"
         self.library = f"{PACKAGE} {vendor}" if use_vendor else "cpl.robot.wire"
         self._envelope, self._clock = envelope or Envelope(), clock
@@ -107,11 +107,9 @@ class Go1Base:
 
 
 def vendor_version() -> str | None:
-    """Return the version of the vendor's SDK; None if it is not here."""
-    try:
-        return version(PACKAGE)
-    except PackageNotFoundError:
-        return None
+    """Return the version of the vendor's SDK; None if it is not here or cannot be loaded."""
+    found = look(SDK)
+    return found.version if found else None
 
 
 class _Link(Protocol):

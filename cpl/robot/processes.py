@@ -7,10 +7,10 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterable
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import IO
 
+from cpl.optional import look
 from cpl.robot import bridge
 from cpl.robot.interfaces import Pose, RobotError
 from cpl.robot.ports import Address, free_port
@@ -142,27 +142,24 @@ def camera_library(python: str) -> str:
     """Return the version of pyrealsense2 that an interpreter has.
 
     Raises:
-        RobotError: There is no such interpreter, or it has no pyrealsense2.
+        RobotError: There is no such interpreter, or no pyrealsense2 that it can load.
     """
     if shutil.which(python) is None:
         raise RobotError(f"there is no {python}: the T265 needs Python 3.10")
-    code = "from importlib.metadata import version; print(version('pyrealsense2'))"
-    done = subprocess.run(
-        [python, "-c", code], capture_output=True, text=True, check=False, timeout=30
-    )
-    if done.returncode:
+    found = look("pyrealsense2", python)
+    if found.state == "absent":
         raise RobotError(
             f"{python} has no pyrealsense2: {python} -m pip install pyrealsense2=={NEEDED}.4623"
         )
-    return done.stdout.strip()
+    if not found:
+        raise RobotError(f"{python}: {found}")
+    return found.version
 
 
 def here_is_camera_library() -> str | None:
-    """Return the version of pyrealsense2 beside this program; None without it.
+    """Return the version of pyrealsense2 beside this program; None if it cannot be used.
 
     It is too new for a T265, and good enough for the software device.
     """
-    try:
-        return version("pyrealsense2")
-    except PackageNotFoundError:
-        return None
+    found = look("pyrealsense2")
+    return found.version if found else None

@@ -2,6 +2,7 @@
 
 import pytest
 
+from cpl.optional import Library
 from cpl.quadruped import polyline
 from cpl.robot import GuardConfig, RobotError, collection
 from cpl.robot.checklist import QUESTIONS, before, connected
@@ -25,7 +26,8 @@ def said(items):
 
 
 def test_this_computer_without_the_vendors_library(tmp_path, monkeypatch):
-    monkeypatch.setattr("cpl.robot.checklist.vendor_version", lambda: None)
+    absent = Library("unitree_legged_sdk", "absent")
+    monkeypatch.setattr("cpl.robot.checklist.look", lambda name: absent)
     rehearsal = said(before(tmp_path / "new", hardware=False, library="wire"))
     assert rehearsal["the robot's library"].ok
     assert "cpl.robot.wire" in rehearsal["the robot's library"].said

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cpl.optional import Library
 from cpl.robot import Envelope, Go1Base, Mode, within
 from cpl.robot.interfaces import RobotError
 from cpl.robot.wire import (
@@ -191,7 +192,8 @@ def test_nobody_there_is_no_crash(library):
 
 
 def test_a_library_that_is_not_there_is_named(monkeypatch):
-    monkeypatch.setattr("cpl.robot.go1.vendor_version", lambda: None)
+    absent = Library("unitree_legged_sdk", "absent")
+    monkeypatch.setattr("cpl.robot.go1.look", lambda name: absent)
     with pytest.raises(RobotError, match=r"unitree-legged-sdk is not installed.*\.\[go1\]"):
         Go1Base(("127.0.0.1", 1), library="sdk")
     base = Go1Base(("127.0.0.1", 1), library="auto")
