@@ -8,7 +8,7 @@ from dataclasses import asdict
 
 from cpl.cli import UsageError, project_root
 from cpl.publish.chapters import find_chapter, find_chapters
-from cpl.publish.parameters import Parameter, ParameterError
+from cpl.settings.words import Parameter, ParameterError
 
 __all__ = ["register", "run"]
 

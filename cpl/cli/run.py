@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cpl.cli import UsageError, project_root
 from cpl.publish.chapters import Chapter, ChapterError, find_chapter
-from cpl.publish.parameters import ParameterError, Value, settings
+from cpl.settings.words import ParameterError, Value, settings
 
 __all__ = ["register", "run"]
 

@@ -20,7 +20,7 @@ from typing import Any
 
 from cpl.experiments import names
 from cpl.publish.chapters import Chapter
-from cpl.publish.parameters import Value
+from cpl.settings.words import Value
 from cpl.store import atomic_write, canonical_json, cpl_imports, fingerprint, import_closure
 
 __all__ = ["basis", "key_of", "load", "save", "versions"]

@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 
 from cpl.publish.declaration import DeclarationError, read_parameters
-from cpl.publish.parameters import Parameter, ParameterError, suggestion
+from cpl.settings.words import Parameter, ParameterError, suggestion
 
 __all__ = ["Cell", "Chapter", "ChapterError", "find_chapter", "find_chapters", "find_pages"]
 

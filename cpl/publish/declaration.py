@@ -19,7 +19,8 @@ import re
 import tokenize
 from typing import Any
 
-from cpl.publish.parameters import TYPES, Choice, Interval, Parameter
+from cpl.settings.ranges import Choice, Interval, interval
+from cpl.settings.words import TYPES, Parameter
 
 __all__ = ["DeclarationError", "read_parameters"]
 
@@ -134,11 +135,7 @@ def _read_range(text: str) -> Interval | Choice | None:
             msg = f"the choices {text} have an empty one"
             raise ValueError(msg)
         return Choice(options)
-    low, high = (float(end) for end in text[1:-1].split(","))
-    if not low < high:
-        msg = f"the range {text} is empty"
-        raise ValueError(msg)
-    return Interval(low=low, high=high, low_in=text[0] == "[", high_in=text[-1] == "]")
+    return interval(text)
 
 
 _COMMENT = re.compile(

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from cpl.publish.chapters import Chapter
-from cpl.publish.parameters import Value
+from cpl.settings.words import Value
 from cpl.store import project_root
 
 __all__ = ["ExecutionError", "as_notebook", "execute", "with_outputs"]

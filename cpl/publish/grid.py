@@ -15,10 +15,10 @@ from cpl.publish import cache
 from cpl.publish.chapters import Chapter
 from cpl.publish.execute import ExecutionError
 from cpl.publish.numbers import quoted
-from cpl.publish.parameters import Parameter, ParameterError, Value, suggestion
 from cpl.publish.provenance import command, record
 from cpl.publish.render import SiteError
 from cpl.publish.run import run_chapter
+from cpl.settings.words import Parameter, ParameterError, Value, suggestion
 from cpl.store import atomic_write
 
 __all__ = ["LARGEST", "axes", "points", "run_grid"]

@@ -11,7 +11,7 @@ from typing import Any
 
 from cpl.publish.cache import basis, key_of
 from cpl.publish.chapters import Chapter
-from cpl.publish.parameters import Value
+from cpl.settings.words import Value
 
 __all__ = ["command", "footer", "record", "source_state"]
 

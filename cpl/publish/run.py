@@ -15,8 +15,8 @@ from cpl.publish import cache
 from cpl.publish.chapters import Chapter
 from cpl.publish.execute import ExecutionError, execute
 from cpl.publish.page import standalone
-from cpl.publish.parameters import Value
 from cpl.publish.provenance import record
+from cpl.settings.words import Value
 from cpl.store import atomic_write
 
 __all__ = ["execute_all", "new_folder", "run_chapter"]

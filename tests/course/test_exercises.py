@@ -12,7 +12,7 @@ from cpl.course.exercises import exercises_of, faults, solution_texts
 from cpl.course.slides import lectures, minutes_of
 from cpl.course.student import student_text
 from cpl.publish.chapters import find_chapters
-from cpl.publish.parameters import settings
+from cpl.settings.words import settings
 from cpl.store import project_root
 
 ROOT = project_root()

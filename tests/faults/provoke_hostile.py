@@ -26,7 +26,7 @@ from cpl.network import decode_networks
 from cpl.publish import cache, grid
 from cpl.publish.chapters import find_chapter
 from cpl.publish.numbers import quoted
-from cpl.publish.parameters import ParameterError, settings
+from cpl.settings.words import ParameterError, settings
 from cpl.store import WorkStore, decode_model, decode_table, project_root
 from tests.faults.frame import Row, tally
 from tests.logs.conftest import make_rows

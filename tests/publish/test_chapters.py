@@ -4,7 +4,7 @@ import jupytext
 import pytest
 
 from cpl.publish.chapters import Chapter, ChapterError, find_chapter, find_chapters, find_pages
-from cpl.publish.parameters import ParameterError
+from cpl.settings.words import ParameterError
 from cpl.store import project_root
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from cpl.publish.declaration import DeclarationError, read_parameters
-from cpl.publish.parameters import Choice, Interval
+from cpl.settings.ranges import Choice, Interval
 
 
 def test_a_declaration_is_read_in_full():

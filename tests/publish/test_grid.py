@@ -7,7 +7,7 @@ import pytest
 from cpl.publish.chapters import find_chapter
 from cpl.publish.execute import ExecutionError
 from cpl.publish.grid import LARGEST, axes, points, run_grid
-from cpl.publish.parameters import ParameterError
+from cpl.settings.words import ParameterError
 
 
 def test_values_are_checked_before_anything_runs(project):

@@ -6,8 +6,8 @@ import pytest
 from markdown_it import MarkdownIt
 
 from cpl.publish.chapters import find_chapter
-from cpl.publish.parameters import settings
 from cpl.publish.provenance import command, footer, record, source_state
+from cpl.settings.words import settings
 from cpl.store import project_root
 
 

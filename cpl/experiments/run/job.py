@@ -10,7 +10,7 @@ import pandas as pd
 from cpl.experiments.run.found import module_of, names
 from cpl.experiments.run.inputs import without_extent
 from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.settings import changed, nearest
+from cpl.experiments.run.settings import changed, unknown
 from cpl.experiments.run.shard import Shard
 from cpl.store import fingerprint, module_digests, plain, stage_key, versions_below
 
@@ -85,7 +85,7 @@ def experiment(name: str) -> Experiment:
     """
     known = names()
     if name not in known:
-        raise ValueError(nearest("experiment", name, known))
+        raise ValueError(unknown("experiment", name, known))
     return cast("Experiment", import_module(module_of(name)))
 
 
@@ -97,7 +97,7 @@ def job(name: str, profile: str, changes: Mapping[str, object] | None = None) ->
     """
     module = experiment(name)
     if profile not in module.PROFILES:
-        raise ValueError(nearest(f"profile of {name}", profile, module.PROFILES))
+        raise ValueError(unknown(f"profile of {name}", profile, module.PROFILES))
     config = changed(module.PROFILES[profile], changes or {})
     same = config == module.PROFILES[profile]
     return job_of(name, profile if same else f"{profile}+", config)

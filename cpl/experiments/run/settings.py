@@ -1,113 +1,80 @@
-"""Settings of an experiment: which there are, what may be said, and what is refused."""
+"""The settings of an experiment: which there are, what may be chosen, and what is refused."""
 
-import ast
-import difflib
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
-from typing import Any, get_args, get_type_hints
+from typing import Any, cast, get_args, get_type_hints
 
-__all__ = ["changed", "nearest", "parsed", "spelled"]
+from cpl.settings.ranges import ranges_of
+from cpl.settings.words import Parameter, ParameterError, Value, settings, suggestion
 
-_KINDS: dict[Any, str] = {
-    bool: "true or false",
-    int: "an integer",
-    float: "a number",
-    str: "text",
-    tuple[int, ...]: "integers, as in 1,2,3",
-    tuple[float, ...]: "numbers, as in 0.1,0.2",
-    tuple[str, ...]: "words, as in a,b",
-}
+__all__ = ["changed", "parameters", "parsed", "spelled", "unknown"]
+
+
+def parameters(config: Any) -> list[Parameter]:  # noqa: ANN401 - some Config
+    """Return the settings of a configuration, with their types and ranges."""
+    kinds, ranges = get_type_hints(type(config)), ranges_of(type(config))
+    return [
+        Parameter(
+            name=field.name,
+            type=_written(kinds[field.name]),
+            default=getattr(config, field.name),
+            range=ranges.get(field.name),
+        )
+        for field in fields(config)
+    ]
 
 
 def changed(config: Any, changes: Mapping[str, object]) -> Any:  # noqa: ANN401 - some Config
     """Return a configuration with some settings changed, each checked against its type.
 
+    Whole numbers are taken for floats, and lists, which JSON has, for tuples.
+
     Raises:
-        ValueError: If a setting does not exist or its value is not of its type; the message names
-            what may be said.
+        ValueError: If a setting does not exist or may not have the value; the message names what
+            it may be.
     """
-    kinds = get_type_hints(type(config))
-    known = [field.name for field in fields(config)]
+    known = {parameter.name: parameter for parameter in parameters(config)}
     for name in changes:
         if name not in known:
-            raise ValueError(_unknown("setting", name, known))
-    return replace(config, **{name: _fit(name, kinds[name], v) for name, v in changes.items()})
+            raise ParameterError(unknown("setting", name, known))
+    chosen = {name: known[name].check(_as_typed(known[name], v)) for name, v in changes.items()}
+    return replace(config, **chosen)
 
 
-def parsed(config: Any, words: Iterable[str]) -> dict[str, object]:  # noqa: ANN401 - some Config
+def parsed(config: Any, words: Iterable[str]) -> dict[str, Value]:  # noqa: ANN401 - some Config
     """Read ``name=value`` words against the types of a configuration; nothing is evaluated.
 
     Raises:
         ValueError: If a word is not ``name=value``, names no setting, or its value does not fit.
     """
-    kinds = get_type_hints(type(config))
-    known = [field.name for field in fields(config)]
-    changes: dict[str, object] = {}
-    for word in words:
-        name, equals, text = word.partition("=")
-        if not equals:
-            msg = f"a setting is written name=value, got {word!r}"
-            raise ValueError(msg)
-        if name not in known:
-            raise ValueError(_unknown("setting", name, known))
-        changes[name] = _fit(name, kinds[name], _read(kinds[name], text.strip()))
-    return changes
+    return dict(settings(parameters(config), words, "the experiment"))
 
 
 def spelled(config: Any) -> str:  # noqa: ANN401 - some Config
     """List the settings of a configuration, one a line, with what each may be."""
-    kinds = get_type_hints(type(config))
-    return "\n".join(
-        f"{field.name} = {getattr(config, field.name)!r}  ({_KINDS[kinds[field.name]]})"
-        for field in fields(config)
-    )
+    return "\n".join(f"{p.name} = {p.default!r}  ({p.allowed()})" for p in parameters(config))
 
 
-def nearest(what: str, name: str, known: Iterable[str]) -> str:
+def unknown(what: str, name: str, known: Iterable[str]) -> str:
     """Say that a name is unknown, which one may have been meant, and which there are."""
-    return _unknown(what, name, list(known))
+    names = list(known)
+    return f"no {what} {name!r}{suggestion(name, names)} There are: {', '.join(names)}"
 
 
-def _unknown(what: str, name: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(name, known, n=1)
-    guess = f", did you mean {close[0]!r}?" if close else ""
-    return f"no {what} {name!r}{guess} (there are: {', '.join(known)})"
+def _written(kind: Any) -> str:  # noqa: ANN401 - a type
+    """Write a type as Python does: `int`, `tuple[int, ...]`."""
+    return kind.__name__ if isinstance(kind, type) and not get_args(kind) else str(kind)
 
 
-def _read(kind: Any, text: str) -> object:  # noqa: ANN401 - a type
-    if kind is str:
-        return text
-    if kind == tuple[str, ...]:
-        return tuple(part.strip() for part in text.split(","))
-    if kind is bool:
-        return {"true": True, "false": False}.get(text.lower(), text)
-    try:
-        value = ast.literal_eval(text)
-    except (ValueError, SyntaxError, MemoryError, RecursionError):
-        return text
-    single = kind in (tuple[int, ...], tuple[float, ...]) and isinstance(value, (int, float))
-    return (value,) if single else value
+def _as_typed(parameter: Parameter, value: object) -> Any:  # noqa: ANN401 - checked by whoever calls
+    if isinstance(value, list):
+        value = tuple(cast("list[object]", value))
+    if isinstance(value, tuple) and parameter.type.startswith("tuple"):
+        return tuple(_number(parameter.type, member) for member in value)
+    return _number(parameter.type, value)
 
 
-def _fit(name: str, kind: Any, value: object) -> object:  # noqa: ANN401 - a type
-    fitted = _fitted(kind, value)
-    if fitted is None:
-        msg = f"{name} must be {_KINDS[kind]}, got {value!r}"
-        raise ValueError(msg)
-    return fitted
-
-
-def _fitted(kind: Any, value: object) -> object | None:  # noqa: ANN401 - a type
-    if kind is float and isinstance(value, (int, float)) and not isinstance(value, bool):
-        return float(value) if math.isfinite(value) else None
-    if kind is int and isinstance(value, int) and not isinstance(value, bool):
-        return value
-    if kind in (bool, str) and isinstance(value, kind):
-        return value
-    if kind in (tuple[int, ...], tuple[float, ...], tuple[str, ...]):
-        if not isinstance(value, (tuple, list)) or not value:
-            return None
-        members = [_fitted(get_args(kind)[0], member) for member in value]
-        return None if any(member is None for member in members) else tuple(members)
-    return None
+def _number(type_: str, value: object) -> object:
+    if isinstance(value, int) and not isinstance(value, bool) and "float" in type_:
+        return float(value)
+    return value

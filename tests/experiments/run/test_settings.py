@@ -49,19 +49,19 @@ def test_words_are_read_by_type(word, name, value):
 @pytest.mark.parametrize(
     ("word", "named"),
     [
-        ("alpa=2", "no setting 'alpa', did you mean 'alpha'"),
+        ("alpa=2", "no parameter 'alpa'; did you mean 'alpha'"),
         ("alpha", "name=value"),
-        ("alpha=abc", "alpha must be a number, got 'abc'"),
-        ("alpha=1e999", "alpha must be a number, got inf"),
-        ("alpha=nan", "alpha must be a number"),
-        ("n=1.5", "n must be an integer, got 1.5"),
-        ("n=True", "n must be an integer, got True"),
+        ("alpha=abc", "alpha must be a float, got 'abc'"),
+        ("alpha=1e999", "alpha must be a float, got inf"),
+        ("alpha=nan", "alpha must be a float"),
+        ("n=1.5", "n must be an int, got '1.5'"),
+        ("n=True", "n must be an int, got 'True'"),
         ("exact=1", "exact must be true or false"),
-        ("seeds=", "seeds must be integers"),
-        ("seeds=1,x", "seeds must be integers"),
-        ("seeds=()", "seeds must be integers"),
-        ("etas={1: 2}", "etas must be numbers"),
-        ("=1", "no setting ''"),
+        ("seeds=", "seeds must be one or more int"),
+        ("seeds=1,x", "seeds must be one or more int"),
+        ("seeds=()", "seeds must be one or more int"),
+        ("etas={1: 2}", "etas must be one or more float"),
+        ("=1", "no parameter ''"),
     ],
 )
 def test_what_does_not_fit_is_named(word, named):
@@ -92,6 +92,27 @@ def test_a_value_is_never_run(attack, name, tmp_path, monkeypatch):
     assert not Path("pwned").exists()
 
 
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"alpa": 2}, "no setting 'alpa'; did you mean 'alpha'"),
+        ({"alpha": True}, "alpha must be a float, got True"),
+        ({"alpha": float("nan")}, "alpha must be a float, got nan"),
+        ({"n": 1.0}, "n must be an int, got 1.0"),
+        ({"seeds": ()}, "seeds must be one or more int"),
+        ({"kinds": (1,)}, "kinds must be one or more str"),
+    ],
+)
+def test_a_value_from_python_is_checked_as_well(changes, named):
+    with pytest.raises(ValueError, match=named):
+        changed(BASE, changes)
+
+
+def test_json_has_lists_and_whole_numbers():
+    same = changed(BASE, {"alpha": 1, "etas": [1, 2], "kinds": ["x"]})
+    assert (same.alpha, same.etas, same.kinds) == (1.0, (1.0, 2.0), ("x",))
+
+
 def test_spelled_says_what_each_setting_may_be():
-    assert "alpha = 0.1  (a number)" in spelled(BASE)
-    assert "seeds = (1,)  (integers, as in 1,2,3)" in spelled(BASE)
+    assert "alpha = 0.1  (a float)" in spelled(BASE)
+    assert "seeds = (1,)  (one or more int, such as 1,2,3)" in spelled(BASE)

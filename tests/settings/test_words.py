@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cpl.publish.declaration import read_parameters
-from cpl.publish.parameters import ParameterError, settings
+from cpl.settings.words import ParameterError, settings
 
 DECLARED = read_parameters(
     """

@@ -1,4 +1,4 @@
-"""What a chapter's parameters may be, and the refusal of what they may not.
+"""Reading `name=value` against declared parameters, and the refusal of what they may not be.
 
 Nothing is executed here: a setting is text until it has been matched with a declared parameter, its
 type and its range, and afterwards it is a plain number, truth value, word or tuple.
@@ -13,10 +13,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import cast
 
+from cpl.settings.ranges import Choice, Interval
+
 __all__ = [
     "TYPES",
-    "Choice",
-    "Interval",
     "Parameter",
     "ParameterError",
     "Value",
@@ -24,50 +24,21 @@ __all__ = [
     "suggestion",
 ]
 
-Value = int | float | bool | str | tuple[int, ...] | tuple[float, ...]
+Value = int | float | bool | str | tuple[int, ...] | tuple[float, ...] | tuple[str, ...]
 
 
 class ParameterError(ValueError):
-    """A setting that the chapter does not allow; the message says what it may be."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Interval:
-    """The numbers between two ends, each in or out: `(0, 1]`, `[1, inf)`."""
-
-    low: float
-    high: float
-    low_in: bool
-    high_in: bool
-
-    def __contains__(self, value: float) -> bool:
-        above = value > self.low or (self.low_in and value == self.low)
-        below = value < self.high or (self.high_in and value == self.high)
-        return above and below and math.isfinite(value)
-
-    def __str__(self) -> str:
-        left, right = "(["[self.low_in], ")]"[self.high_in]
-        return f"{left}{_plain(self.low)}, {_plain(self.high)}{right}"
-
-
-@dataclass(frozen=True)
-class Choice:
-    """A handful of allowed values: `{paper, corrected}`."""
-
-    options: tuple[str, ...]
-
-    def __str__(self) -> str:
-        return "{" + ", ".join(self.options) + "}"
+    """A setting that is not allowed; the message says what it may be."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One parameter of a chapter.
+    """One parameter of a chapter, or one setting of an experiment.
 
     Attributes:
-        name: Its name in the chapter's code.
-        type: `int`, `float`, `bool`, `str`, `tuple[int, ...]` or `tuple[float, ...]`.
-        default: The value in the book.
+        name: Its name in the code.
+        type: One of `TYPES`, as Python writes it.
+        default: The value unless another is chosen.
         unit: Its unit, `-` if it has none.
         range: What it may be; None for `any`.
         meaning: What it is, in words.
@@ -76,13 +47,13 @@ class Parameter:
     name: str
     type: str
     default: Value
-    unit: str
+    unit: str = "-"
     range: Interval | Choice | None
-    meaning: str
+    meaning: str = ""
 
     def allowed(self) -> str:
         """Say what the parameter may be, for people: `a float in (0, 1)`."""
-        noun = {"tuple[int, ...]": "one or more int", "tuple[float, ...]": "one or more float"}
+        noun = {f"tuple[{kind}, ...]": f"one or more {kind}" for kind in ("int", "float", "str")}
         article = "an" if self.type == "int" else "a"
         kind = noun.get(self.type, f"{article} {self.type}")
         if isinstance(self.range, Choice):
@@ -125,24 +96,26 @@ class Parameter:
         if isinstance(member, float) and not math.isfinite(member):
             return False
         if isinstance(self.range, Choice):
-            return str(member) in self.range.options
+            return str(member) in self.range
         if isinstance(self.range, Interval):
-            return isinstance(member, int | float) and member in self.range
+            return member in self.range
         return not isinstance(member, str) or (member.isprintable() and len(member) <= 200)
 
     def _example(self) -> str:
-        return ", such as 1,2,3" if self.type.startswith("tuple") else ""
+        if not self.type.startswith("tuple"):
+            return ""
+        return ", such as a,b,c" if "str" in self.type else ", such as 1,2,3"
 
 
 def settings(
     parameters: Iterable[Parameter], texts: Iterable[str], where: str = "the chapter"
 ) -> Mapping[str, Value]:
-    """Check `name=value` texts against the parameters of a chapter.
+    """Check `name=value` texts against declared parameters.
 
     Args:
-        parameters: What the chapter declares.
+        parameters: What a chapter or an experiment declares.
         texts: What was typed, one `name=value` each.
-        where: The chapter's name, for messages.
+        where: Whose they are, for messages.
 
     Returns:
         The values that were set, by name, in the order of the declaration.
@@ -159,7 +132,7 @@ def settings(
         >>> settings([alpha], ["alhpa=0.2"], "theory")
         Traceback (most recent call last):
             ...
-        cpl.publish.parameters.ParameterError: theory has no parameter 'alhpa'; did you mean \
+        cpl.settings.words.ParameterError: theory has no parameter 'alhpa'; did you mean \
 'alpha'? It has: alpha
     """
     known = {parameter.name: parameter for parameter in parameters}
@@ -198,6 +171,10 @@ def _bool(text: str) -> bool | None:
     return {"true": True, "false": False}.get(text.lower())
 
 
+def _word(text: str) -> str | None:
+    return text or None
+
+
 def _tuple(member: Callable[[str], Value | None]) -> Callable[[str], Value | None]:
     def convert(text: str) -> Value | None:
         inner = text[1:-1] if text.startswith("(") and text.endswith(")") else text
@@ -222,10 +199,6 @@ def _shown(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _plain(end: float) -> str:
-    return str(int(end)) if end == end // 1 and abs(end) < 1e15 else str(end)
-
-
 _INTEGER = re.compile(r"[+-]?[0-9]+(_[0-9]+)*")
 _DECIMAL = re.compile(r"[+-]?([0-9]+(_[0-9]+)*\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _CONVERTERS: dict[str, Callable[[str], Value | None]] = {
@@ -235,5 +208,6 @@ _CONVERTERS: dict[str, Callable[[str], Value | None]] = {
     "str": str,
     "tuple[int, ...]": _tuple(_int),
     "tuple[float, ...]": _tuple(_float),
+    "tuple[str, ...]": _tuple(_word),
 }
 TYPES = tuple(_CONVERTERS)

@@ -1,0 +1,1 @@
+"""Settings of a chapter or an experiment: what each may be, and how `name=value` is read."""
