@@ -1,6 +1,6 @@
 # The project's commands. Each one sets up what it needs; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help venv book course test check faults bench lint lab clean
+.PHONY: help venv book course test check fresh faults bench lint lab clean
 
 # The first of these that runs and can make an environment; `make venv SYSTEM_PYTHON=...` takes another.
 PYTHONS := python3.11 python3.12 python3.13
@@ -8,6 +8,8 @@ SYSTEM_PYTHON ?= $(firstword $(foreach python,$(PYTHONS),$(if $(shell $(python) 
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check -qq install -c constraints.txt
 ENV := .venv/.installed
+# What the long suites open in a browser; `make check SITE=` takes the site that is there.
+SITE := book
 
 help:  ## list these commands
 	@sed -n 's/^\([a-z]*\):.*  ## /\1\t/p' Makefile | expand -t 8
@@ -23,10 +25,16 @@ course: $(ENV) .venv/.course  ## build both editions of the course, its labs and
 test: $(ENV)  ## run every test and gate, without network or browser
 	@$(BIN)/python -m pytest -n 2 --cov=cpl.conformal --cov-branch --cov-report= --cov-fail-under=95
 
-check: book .venv/.browser  ## run the long suites: oracle, faults, rehearsal, browser
+check: $(SITE) .venv/.browser  ## run the long suites: oracle, faults, rehearsal, browser
 	@$(BIN)/python -m pytest -n 2 -m "oracle or faults or rehearsal" --ignore tests/robot
 	@$(BIN)/python -m pytest -m "oracle or faults or rehearsal" tests/robot
 	@$(BIN)/python -m pytest -m browser -n 2 tests/browser
+
+fresh:  ## book and test on a Debian 12 with nothing else; fresh-13: on Debian 13 (root, mmdebstrap)
+	@$(SYSTEM_PYTHON) -S -m tests.fresh $(if $(OUT),--out $(OUT))
+
+fresh-%:
+	@$(SYSTEM_PYTHON) -S -m tests.fresh --debian $*
 
 faults: $(ENV)  ## provoke a few thousand faults and count how they end, into _build/faults.json
 	@$(BIN)/python -m tests.faults

@@ -65,7 +65,7 @@ def test_nothing_is_misspelt():
     passes(tool("codespell_lib", "cpl", "tests", "book", *texts))
 
 
-def test_the_makefile_has_at_most_ten_commands_and_explains_them():
+def test_the_makefile_has_few_commands_and_explains_them():
     make = subprocess.run(
         ["make", "--no-print-directory", "help"],
         cwd=project_root(),
@@ -77,7 +77,7 @@ def test_the_makefile_has_at_most_ten_commands_and_explains_them():
     text = (project_root() / "Makefile").read_text()
     (phony,) = [line for line in text.splitlines() if line.startswith(".PHONY:")]
     assert listed == phony.removeprefix(".PHONY:").split()
-    assert len(listed) <= 11
+    assert len(listed) <= 13
 
 
 @pytest.mark.parametrize("heavy", ["pandas", "numba", "matplotlib", "papermill", "jupytext"])

@@ -2,11 +2,7 @@
 
 import json
 import re
-import shutil
 import struct
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -19,6 +15,7 @@ from cpl.publish.live import as_script, live_files, tracker_vectors
 from cpl.publish.live._pareto import points
 from cpl.publish.live._rides import FRAMES_PER_SECOND, opening_moments, ride_scripts, scenes
 from cpl.store import project_root
+from tests.node import node
 
 STATIC = project_root() / "book" / "_static" / "live"
 
@@ -31,14 +28,6 @@ def rides():
 def value_of(script: str) -> object:
     """Return what a data script puts where figures look for it."""
     return json.loads(re.search(r"\] = (.*?);$", script, re.MULTILINE)[1])
-
-
-def node(*words: str) -> str:
-    """Run Node, the one that comes with pyright or the system's."""
-    path = shutil.which("node") or str(Path(sys.executable).with_name("node"))
-    done = subprocess.run([path, *words], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 def test_the_tracker_of_the_pages_gives_the_numbers_of_the_package(tmp_path):
