@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 import pandas as pd
@@ -57,9 +58,13 @@ def chosen(table: pd.DataFrame, values: Mapping[str, object]) -> pd.DataFrame:
 def weights_for(table: pd.DataFrame, *, seed: int = 0) -> Weights:
     """Draw resamples of the pairs and blocks of a table: the same for all of its curves."""
     groups, units = (len(np.unique(table[name])) for name in ("pair", "block"))
-    return hierarchical_weights(
-        groups, units, stream(seed, "comparison", groups, units), resamples=_RESAMPLES
-    )
+    return _weights(groups, units, seed)
+
+
+@lru_cache(maxsize=4)
+def _weights(groups: int, units: int, seed: int) -> Weights:
+    rng = stream(seed, "comparison", groups, units)
+    return hierarchical_weights(groups, units, rng, resamples=_RESAMPLES)
 
 
 def curve_of(table: pd.DataFrame, axes: Axes, weights: Weights) -> Curve:

@@ -104,13 +104,8 @@ def beside_curve(
         _ratio(curve_x, weights),
     )
     read = _hull if mixtures else _line
-    value = float(own_y - read(line_x, line_y, float(own_x)))
-    drawn = np.array(
-        [
-            b - read(p, q, float(a))
-            for a, b, p, q in zip(drawn_x, drawn_y, drawn_line_x, drawn_line_y, strict=True)
-        ]
-    )
+    value = float(own_y - read(line_x[None], line_y[None], own_x[None])[0])
+    drawn = drawn_y - read(drawn_line_x, drawn_line_y, drawn_x)
     return interval(value, drawn, groups=weights.groups, confidence=confidence)
 
 
@@ -121,12 +116,24 @@ def _ratio(ratio: Ratio, weights: Weights) -> tuple[Floats, Floats]:
     return over / under, drawn_over / drawn_under
 
 
-def _line(x: Floats, y: Floats, at: float) -> float:
-    return float(at_levels(x, y, [at])[0])
+def _line(x: Floats, y: Floats, at: Floats) -> Floats:
+    return at_levels(x, y, at[:, None])[:, 0]
 
 
-def _hull(x: Floats, y: Floats, at: float) -> float:
-    """Read the lower convex hull of points: Andrew's monotone chain."""
+def _hull(x: Floats, y: Floats, at: Floats) -> Floats:
+    """Read the lower convex hull of each row's points."""
+    corners = [_lower(a, b) for a, b in zip(x, y, strict=True)]
+    sizes, read = np.array([len(each) for each in corners]), np.empty(len(at))
+    for size in np.unique(sizes):
+        rows = np.flatnonzero(sizes == size)
+        kept = np.array([corners[row] for row in rows])
+        corner_x, corner_y = (np.take_along_axis(part[rows], kept, 1) for part in (x, y))
+        read[rows] = _line(corner_x, corner_y, at[rows])
+    return read
+
+
+def _lower(x: Floats, y: Floats) -> list[int]:
+    """Return the corners of the lower convex hull: Andrew's monotone chain."""
     kept: list[int] = []
     for k in np.lexsort((y, x)).tolist():
         while len(kept) > 1:
@@ -135,4 +142,4 @@ def _hull(x: Floats, y: Floats, at: float) -> float:
                 break
             kept.pop()
         kept.append(k)
-    return float(at_levels(x[kept], y[kept], [at])[0])
+    return kept

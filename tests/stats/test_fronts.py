@@ -1,9 +1,15 @@
 """Curves read at common levels, and the area they dominate."""
 
+import moocore
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from cpl.stats import at_levels, common_levels, hypervolume
+
+# Halves meet each other often, so that points tie; sevenths do not end in binary.
+NUMBERS = st.integers(-6, 6).map(lambda k: k / 2) | st.integers(-40, 40).map(lambda k: k / 7)
 
 
 def test_a_curve_is_read_between_its_points_in_the_order_of_x():
@@ -52,3 +58,31 @@ def test_wrong_arguments_are_named():
         hypervolume([1.0, 2.0], [0.0, 0.0])
     with pytest.raises(ValueError, match="finite"):
         hypervolume([[np.nan, 1.0]], [0.0, 0.0])
+
+
+CURVES = st.integers(1, 7).flatmap(
+    lambda k: st.lists(
+        st.lists(st.tuples(NUMBERS, NUMBERS), min_size=k, max_size=k), min_size=1, max_size=5
+    )
+)
+
+
+@given(CURVES, st.lists(NUMBERS, min_size=1, max_size=5))
+def test_a_curve_is_read_as_numpy_reads_it_bit_for_bit(points, levels):
+    curves = np.array(points)
+    for row, one in zip(at_levels(curves[..., 0], curves[..., 1], levels), curves, strict=True):
+        places, owner, counts = np.unique(one[:, 0], return_inverse=True, return_counts=True)
+        means = np.bincount(owner, weights=one[:, 1]) / counts
+        np.testing.assert_array_equal(row, np.interp(levels, places, means))
+
+
+def test_each_curve_is_read_at_levels_of_its_own():
+    x, y = np.array([[1.0, 2.0], [1.0, 3.0]]), np.array([[0.0, 4.0], [0.0, 4.0]])
+    assert at_levels(x, y, [[1.5, 2.0], [1.5, 2.0]]).tolist() == [[2.0, 4.0], [1.0, 2.0]]
+
+
+@given(CURVES, st.tuples(NUMBERS, NUMBERS))
+def test_the_hypervolume_is_moocore_s_bit_for_bit(points, worst):
+    oracle = moocore.Hypervolume(ref=worst, maximise=True)
+    expected = [float(oracle(np.maximum(one, worst))) for one in np.array(points)]
+    np.testing.assert_array_equal(hypervolume(points, worst), expected)
