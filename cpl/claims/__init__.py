@@ -1,7 +1,9 @@
 """Does the number hold? One row a claim of the paper, its verdict computed from stored results.
 
-Rules read published tables and nothing else; none of them starts an experiment, and no verdict is
-typed anywhere. The errata are in `cpl.claims.errata`.
+A claim is a file of `cpl.claims.rows`: the statement and the rule that decides it. Rules read
+published tables and nothing else; none of them starts an experiment, and no verdict is typed
+anywhere. A row is computed once a process for the same results. The errata are in
+`cpl.claims.errata`.
 """
 
 from __future__ import annotations
@@ -12,13 +14,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cpl.claims._ledger import ClaimsTable, Row, TwinTable
+    from cpl.claims.row import ClaimsTable, Row, TwinTable
 
-__all__ = ["accept", "changes", "ledger", "own", "table", "twin_table"]
+__all__ = ["accept", "attempts", "changes", "committed", "ledger", "own", "table", "twin_table"]
 
 
 def ledger(*, root: Path | None = None) -> list[Row]:
-    """Return one row for each of the paper's 50 checkable claims.
+    """Return one row for each of the paper's checkable claims.
 
     Args:
         root: Folder of the published results; the project's own unless given.
@@ -33,8 +35,8 @@ def ledger(*, root: Path | None = None) -> list[Row]:
 
     Examples:
         >>> rows = ledger()
-        >>> len(rows), rows[0].row, rows[41].verdict
-        (50, 1, 'needs hardware')
+        >>> rows[0].row, rows[41].verdict
+        (1, 'needs hardware')
     """
     from cpl.claims._ledger import ledger as _ledger
 
@@ -48,8 +50,8 @@ def own(*, root: Path | None = None) -> list[Row]:
         root: As in `ledger`.
 
     Examples:
-        >>> [row.row for row in own()]
-        [51, 52, 53]
+        >>> own()[0].chapter
+        'earns'
     """
     from cpl.claims._ledger import own as _own
 
@@ -59,7 +61,7 @@ def own(*, root: Path | None = None) -> list[Row]:
 def table(*rows: int) -> ClaimsTable:
     """Show claims beside what was found, for a page: all, or those of the given row numbers.
 
-    The paper's are 1 to 50, the book's own 51 to 53.
+    All are all of the paper's.
 
     Raises:
         ValueError: If there is no such row.
@@ -90,6 +92,31 @@ def changes(*, root: Path | None = None) -> Mapping[int, tuple[str, str]]:
     from cpl.claims._ledger import changes as _changes
 
     return _changes(root)
+
+
+def committed(*, root: Path | None = None) -> Mapping[int, str]:
+    """Return the verdicts that were last accepted, by row.
+
+    Examples:
+        >>> committed()[1]
+        'holds'
+    """
+    from cpl.claims._ledger import committed as _committed
+
+    return _committed(root)
+
+
+def attempts(*, root: Path | None = None) -> tuple[list[Row], Mapping[int, str]]:
+    """Return the rows that can be decided, and why the others cannot: row -> reason.
+
+    For results that may be too few, such as those of a single training seed.
+
+    Raises:
+        cpl.store.DamagedResultError: If a published result does not agree with its manifest.
+    """
+    from cpl.claims._ledger import attempts as _attempts
+
+    return _attempts(root)
 
 
 def accept(*, root: Path | None = None) -> Path:

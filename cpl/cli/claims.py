@@ -9,7 +9,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from cpl.claims._ledger import Row
+    from cpl.claims.row import Row
 
 __all__ = ["register", "run"]
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 if TYPE_CHECKING:
     import pandas as pd
 
-    from cpl.claims._ledger import Row
+    from cpl.claims.row import Row
     from cpl.experiments.run.job import Job
     from cpl.experiments.run.result import Result
 
@@ -111,11 +111,11 @@ def claims_again(results: Path, whole: Collection[str]) -> list[Claim]:
     Returns:
         One entry for each claim that is decided from published results and whose results are there.
     """
-    from cpl.claims._ledger import attempts
+    from cpl.claims import attempts
     from cpl.experiments.run.job import experiment
 
-    published, _ = attempts(None)
-    again, undecided = attempts(results)
+    published, _ = attempts()
+    again, undecided = attempts(root=results)
     found = {row.row: row for row in again if row.computed_from}
     claims: list[Claim] = []
     for row in published:

@@ -36,7 +36,8 @@ def cpl_imports(code: str, *, root: Path | None = None) -> tuple[str, ...]:
 
     Imports inside functions count; imports under ``if TYPE_CHECKING`` do not, they are never run.
     The experiment in ``compute("name")``, ``published("name")`` and ``verify("name")`` counts too;
-    if the name is not a literal, every experiment counts.
+    if the name is not a literal, every experiment counts. So does every module of a package whose
+    folder is walked, ``pkgutil.iter_modules(package.__path__)``.
 
     Args:
         code: Python source, for example the code cells of a chapter put together.
@@ -309,7 +310,7 @@ def _origin(node: ast.ImportFrom, package: str) -> str:
 
 
 def _called_by_name(call: ast.Call, bound: dict[str, str], root: Path) -> Iterable[str]:
-    """Return modules that a call names as text: import_module("cpl.x") or compute("x")."""
+    """Return modules that a call names otherwise: import_module("cpl.x"), compute("x"), a walk."""
     function = _dotted(call.func)
     head, _, rest = function.partition(".")
     target = f"{bound.get(head, head)}.{rest}" if rest else bound.get(head, head)
@@ -318,6 +319,9 @@ def _called_by_name(call: ast.Call, bound: dict[str, str], root: Path) -> Iterab
         if call.args
         else next((word.value for word in call.keywords if word.arg == "name"), None)
     )
+    if target == "pkgutil.iter_modules" and _dotted(given).endswith(".__path__"):
+        walked = _dotted(given).removesuffix(".__path__")
+        return _modules_in(bound.get(walked, walked), root)
     literal = given.value if isinstance(given, ast.Constant) else None
     if target == "importlib.import_module":
         return [literal] if isinstance(literal, str) else []
@@ -338,7 +342,12 @@ def _experiments(room: Path) -> dict[str, str]:
     }
 
 
-def _dotted(node: ast.expr) -> str:
+def _modules_in(package: str, root: Path) -> list[str]:
+    folder = root.joinpath(*package.split("."))
+    return [f"{package}.{path.stem}" for path in folder.glob("*.py") if path.stem != "__init__"]
+
+
+def _dotted(node: ast.expr | None) -> str:
     if isinstance(node, ast.Attribute):
         return f"{_dotted(node.value)}.{node.attr}"
     return node.id if isinstance(node, ast.Name) else ""

@@ -4,12 +4,13 @@ import pandas as pd
 import pytest
 
 from cpl.claims import ledger, twin_table
-from cpl.claims._ledger import _found
-from cpl.claims._reading import Source
-from cpl.claims._rules_quadruped import AS, IN_THE_TWIN, NOT, OPEN, PART, combined
-from cpl.claims._verdicts import Verdict
+from cpl.claims._ledger import claims
+from cpl.claims.claim import Source
+from cpl.claims.rows._twin import AS, NOT, OPEN, PART, combined
+from cpl.claims.verdict import Verdict
 from cpl.store import read_published
 
+IN_THE_TWIN = {row: claim.in_the_twin for row, claim in claims().items() if claim.in_the_twin}
 NEEDED = ("quadruped_logs", "quadruped_collect", "quadruped_predictor")
 
 
@@ -144,7 +145,8 @@ def test_a_number_that_is_missing_or_there_twice_is_an_error(stored):
 
 
 def test_without_results_there_is_no_text(tmp_path):
-    assert _found(IN_THE_TWIN[42], tmp_path) == (None, [])
+    row = {row.row: row for row in ledger(root=tmp_path)}[42]
+    assert (row.in_the_twin, row.computed_from) == (None, ())
 
 
 def test_parts_are_put_together():

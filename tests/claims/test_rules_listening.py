@@ -3,8 +3,9 @@
 import pandas as pd
 import pytest
 
-from cpl.claims._reading import Source
-from cpl.claims._rules_listening import RETRAINED, RULES
+from cpl.claims._ledger import claims
+from cpl.claims.claim import Source
+from cpl.claims.rows.c39_small_in_training import RETRAINED
 from cpl.policies.measures import SUMS
 
 PAIRS = range(4)
@@ -34,7 +35,7 @@ def driven(durations):
 
 
 def verdict(row, source):
-    return str(RULES[row](lambda name: source).verdict)
+    return str(claims()[row].decide(lambda name: source).verdict)
 
 
 @pytest.mark.parametrize(
@@ -47,7 +48,7 @@ def test_row_37_follows_what_the_product_adds(gain, expected):
 def test_row_37_looks_at_rl_2_and_counts_moments_once():
     source = inside(0.1)
     source.table.loc[source.table["agent"] == "rl", "value"] = 99.0
-    found = RULES[37](lambda name: source)
+    found = claims()[37].decide(lambda name: source)
     assert found.value == pytest.approx(0.1015)
     assert (found.n, found.n_seeds) == (4000, 4)
 
@@ -63,6 +64,6 @@ def test_row_39_is_the_gain_from_q_beyond_the_one_of_the_narrow_training(wide, e
 
 def test_row_39_counts_the_episodes_of_its_own_roads():
     source = driven({"wide": 30.0, "wide_nq": 20.0, "rl": 24.0, "rl_nq": 20.0, "gate": 1.0})
-    found = RULES[39](lambda name: source)
+    found = claims()[39].decide(lambda name: source)
     assert found.value == pytest.approx(6.15)
     assert found.n == 2 * 4 * 4 * 3 * 10

@@ -9,6 +9,7 @@ import time
 
 import pytest
 
+from cpl.claims import committed
 from cpl.cli import main
 from cpl.experiments.run.publication import job
 from cpl.store import WorkStore, data_path, plain
@@ -97,7 +98,7 @@ def test_claims_as_json_is_one_object_a_line(capsys):
     assert main(["claims", "--json"]) == 0
     out = capsys.readouterr().out
     objects = json.loads(out)
-    assert [row["row"] for row in objects] == list(range(1, 54))
+    assert [row["row"] for row in objects] == list(committed())
     lines = [line.rstrip(",") for line in out.splitlines()[1:-1]]
     assert [json.loads(line) for line in lines] == objects
     assert list(objects[0]) == [
@@ -109,7 +110,7 @@ def test_claims_as_json_is_one_object_a_line(capsys):
 def test_claims_in_words(capsys):
     assert main(["claims"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len([line for line in lines if line[:2].strip().isdigit()]) == 53
+    assert len([line for line in lines if line[:2].strip().isdigit()]) == len(committed())
     assert lines[0].startswith(" 1  holds")
 
 
@@ -117,7 +118,7 @@ def test_claims_exits_1_where_a_verdict_changed(capsys, monkeypatch, tmp_path):
     verdicts = json.loads(data_path("results", "verdicts.json").read_text())
     other = tmp_path / "verdicts.json"
     other.write_text(json.dumps({**verdicts, "1": "does not hold"}))
-    monkeypatch.setattr("cpl.claims._ledger._committed", lambda _root: other)
+    monkeypatch.setattr("cpl.claims._ledger._file", lambda _root: other)
     assert main(["claims"]) == 1
     assert "claim 1 changed: does not hold -> holds" in capsys.readouterr().err
     assert main(["claims", "--accept"]) == 0

@@ -165,6 +165,14 @@ def test_broken_source_is_named(root):
         cpl_imports("%matplotlib inline")
 
 
+def test_a_package_whose_folder_is_walked_is_used_whole(root):
+    walk = "from cpl import low\n\n\ndef all_of():\n    import pkgutil\n"
+    (root / "cpl/walk.py").write_text(f"{walk}    pkgutil.iter_modules(low.__path__)\n")
+    assert "cpl.low.other" in import_closure("cpl.walk", root=root)
+    (root / "cpl/walk.py").write_text(f"{walk}    pkgutil.iter_modules(__path__)\n")
+    assert "cpl.low.other" not in import_closure("cpl.walk", root=root)
+
+
 def test_the_real_package_is_stable():
     assert fingerprint("cpl.store") == fingerprint("cpl.store")
     assert "cpl.store.paths" in import_closure("cpl.store.source")

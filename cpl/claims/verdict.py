@@ -1,12 +1,12 @@
-"""The verdicts there are, and the rule that decides on an effect of a stated size."""
+"""What can be said of a claim, and the rule that decides on an effect of a stated size."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 
 from cpl.stats import Estimate
 
-__all__ = ["Finding", "Verdict", "rule_r"]
+__all__ = ["Finding", "Leaning", "Verdict", "rule_r"]
 
 
 class Verdict(StrEnum):
@@ -37,11 +37,33 @@ class Finding:
 
     verdict: Verdict
     value: float
-    low: float | None
-    high: float | None
+    low: float | None = None
+    high: float | None = None
     n: int
     n_seeds: int
-    flags: tuple[str, ...] = field(default=())
+    flags: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, verdict: Verdict, estimate: Estimate, *, n: int) -> "Finding":
+        """Return what a rule found that rests on one estimate over seeds."""
+        value, low, high = estimate.value, estimate.low, estimate.high
+        return cls(verdict=verdict, value=value, low=low, high=high, n=n, n_seeds=estimate.n)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leaning:
+    """What a twin shows of a claim about the robot.
+
+    Attributes:
+        leans: ``as claimed``, ``as claimed in part``, ``not as claimed`` or ``undecided``.
+        text: The numbers.
+    """
+
+    leans: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.leans}: {self.text}"
 
 
 def rule_r(effects: Iterable[Estimate], claimed: Sequence[float | None]) -> Verdict:

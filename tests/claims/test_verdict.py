@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cpl.claims._verdicts import Verdict, rule_r
+from cpl.claims.verdict import Verdict, rule_r
 from cpl.stats import Estimate
 
 

@@ -1,0 +1,26 @@
+"""Row 24: ensembles cost five times the computation."""
+
+from cpl.claims.claim import Claim, Reader
+from cpl.claims.rows._forecast import multiples, time_and_operations
+from cpl.claims.verdict import Finding
+
+__all__ = ["CLAIM"]
+
+_FIVE = (4.5, 5.5)  # "five times"
+
+
+def _decide(read: Reader) -> Finding:
+    low, high = _FIVE
+    ratios = multiples(read("forecast_cost"), "ensemble")
+    return time_and_operations(ratios, [low <= ratio <= high for ratio in ratios])
+
+
+CLAIM = Claim(
+    row=24,
+    claim="ensembles cost five times the computation",
+    where="Section IV-F",
+    paper_value="5",
+    rule="ratio of time and of operations, ensemble to single predictor; between 4.5 and 5.5",
+    chapter="forecast",
+    decide=_decide,
+)

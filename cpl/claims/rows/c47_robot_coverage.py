@@ -1,0 +1,37 @@
+"""Row 47: coverage is above 0.8 in and out of distribution."""
+
+from cpl.claims.claim import HARDWARE, Claim, Reader
+from cpl.claims.rows._twin import WHERE, combined, entry, side
+from cpl.claims.verdict import Leaning
+
+__all__ = ["CLAIM"]
+
+_MOST_WINDOWS = 0.95  # "the coverage is higher": in so many windows it would count as true
+
+
+def _in_the_twin(read: Reader) -> Leaning:
+    logs = read("quadruped_logs")
+    parts = {part: entry(logs, 47, "windows_reached", "hexagon", part) for part in ("in", "out")}
+    chance = entry(logs, 47, "both_by_chance", "all", "all").value
+    leans = [side(each, above=_MOST_WINDOWS) for each in parts.values()]
+    shares = ", ".join(
+        f"{each.value:.0%} ({each.low:.0%} to {each.high:.0%}) {WHERE[part]}"
+        for part, each in parts.items()
+    )
+    text = (
+        f"on the hexagon the windows at 0.8 or above are {shares}; two runs of one window "
+        f"each reach it by chance in {chance:.0%}"
+    )
+    return Leaning(leans=combined(leans), text=text)
+
+
+CLAIM = Claim(
+    row=47,
+    claim="coverage is above 0.8 in and out of distribution",
+    where="Section V-D, Figure 6",
+    paper_value="> 0.8",
+    rule="coverage with a block bootstrap; two 40-step runs are both above 0.8 by chance in 35 %",
+    chapter="run_it",
+    flags=(HARDWARE,),
+    in_the_twin=_in_the_twin,
+)

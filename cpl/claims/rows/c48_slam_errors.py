@@ -1,0 +1,30 @@
+"""Row 48: SLAM errors depend on path and speed."""
+
+from cpl.claims.claim import HARDWARE, Claim, Reader
+from cpl.claims.rows._twin import AS, OPEN, combined, entry, ratio, side
+from cpl.claims.verdict import Leaning
+
+__all__ = ["CLAIM"]
+
+
+def _in_the_twin(read: Reader) -> Leaning:
+    logs = read("quadruped_logs")
+    names = {"0.1 m/s faster": "0.1 m/s more", "0.1 rad/s more turning": "0.1 rad/s more turning"}
+    motion = {text: entry(logs, 48, name, "all", "all") for name, text in names.items()}
+    paths = {name: entry(logs, 48, name, "all", "all") for name in ("rectangle", "hexagon")}
+    differ = any(each.low > 1 or each.high < 1 for each in paths.values())
+    leans = [side(each, above=1.0) for each in motion.values()] + [AS if differ else OPEN]
+    told = [f"{name} {ratio(each)}" for name, each in (motion | paths).items()]
+    text = "odds of an error times " + ", ".join(told) + " (paths against the triangle)"
+    return Leaning(leans=combined(leans), text=text)
+
+
+CLAIM = Claim(
+    row=48,
+    claim="SLAM errors depend on path and speed",
+    where="Section V-A",
+    rule="coefficients of a logistic fit, with intervals",
+    chapter="run_it",
+    flags=(HARDWARE,),
+    in_the_twin=_in_the_twin,
+)
