@@ -20,6 +20,7 @@ from cpl.conformal.sequence import (
     track_episodes,
     track_many,
 )
+from cpl.conformal.state import StateRule
 from cpl.conformal.tracker import Tracker
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "Fixed",
     "Rule",
     "RunningMax",
+    "StateRule",
     "StepRule",
     "Track",
     "Tracker",

@@ -10,12 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 __all__ = [
     "Bounds",
     "as_bounds",
+    "as_choice",
     "as_integer",
     "as_number",
     "as_positive",
     "as_probability",
     "as_score",
     "as_scores",
+    "as_share",
 ]
 
 Bounds: TypeAlias = tuple[float, float]
@@ -52,6 +54,25 @@ def as_probability(name: str, value: object) -> float:
         msg = f"{name} must lie strictly between 0 and 1, got {value!r}"
         raise ValueError(msg)
     return number
+
+
+def as_share(name: str, value: object, *, below: float | None = None) -> float:
+    """Return a number in [0, 1], or in [0, ``below``)."""
+    number = as_number(name, value)
+    if not 0.0 <= number <= 1.0 or (below is not None and number >= below):
+        msg = (
+            f"{name} must lie in [0, {1 if below is None else f'{below:g}'}{')' if below else ']'}"
+        )
+        raise ValueError(f"{msg}, got {value!r}")
+    return number
+
+
+def as_choice(name: str, value: object, choices: tuple[str, ...]) -> str:
+    """Return one of some words."""
+    if not isinstance(value, str) or value not in choices:
+        msg = f"{name} must be one of {', '.join(choices)}, got {value!r}"
+        raise ValueError(msg)
+    return value
 
 
 def as_integer(name: str, value: object, *, minimum: int) -> int:

@@ -6,10 +6,11 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cpl.conformal import _kernels
+from cpl.conformal import _kernels, _states
 from cpl.conformal._steppers import Stepper
 from cpl.conformal._validate import as_integer, as_number, as_probability
 from cpl.conformal.rules import PI, Decaying, Fixed, Rule, RunningMax, StepRule, as_rule
+from cpl.conformal.state import StateRule
 
 __all__ = ["BatchTracker"]
 
@@ -60,13 +61,21 @@ class BatchTracker:
         self.alpha = as_probability("alpha", alpha)
         self.delay = as_integer("delay", delay, minimum=1)
         self.q0 = as_number("q0", q0) + 0.0  # no negative zero
-        self._steps = _steps_of(rule.rule if isinstance(rule, PI) else rule, self.n)
-        self._integral = _Integrals(rule, self.n, self.alpha) if isinstance(rule, PI) else None
+        self._states: _States | None = None
+        self._steps: _Steps | None = None
+        self._integral: _Integrals | None = None
+        if isinstance(rule, StateRule):
+            self._states = _States(rule, self.n, self.alpha, self.q0)
+        elif isinstance(rule, PI):
+            self._steps = _steps_of(rule.rule, self.n)
+            self._integral = _Integrals(rule, self.n, self.alpha)
+        else:
+            self._steps = _steps_of(rule, self.n)
         self._q = np.full(self.n, self.q0)
         self._p = self._q.copy()  # the proportional state, where an integral comes on top of it
         late = self.delay - 1
         self._late_scores = np.zeros((self.n, late))
-        self._late_errs = np.zeros((self.n, late), dtype=np.bool_)
+        self._late_met = np.zeros((self.n, late))
         self._first = np.zeros(self.n, dtype=np.int64)  # where each stream's oldest one stands
         self._pending = np.zeros(self.n, dtype=np.int64)
 
@@ -101,21 +110,22 @@ class BatchTracker:
                 floats. No stream has changed.
         """
         rows, values = self._chosen(scores, mask)
-        errs = values > self._q[rows]
+        met = self._q[rows]
+        errs = values > met
         if self.delay == 1:
-            self._apply(rows, values, errs)
+            self._apply(rows, values, met)
             return self._spread(rows, errs)
         room = self.delay - 1
         full = self._pending[rows] == room
         due = rows[full]
         if due.size:
             at = self._first[due]
-            self._apply(due, self._late_scores[due, at], self._late_errs[due, at])
+            self._apply(due, self._late_scores[due, at], self._late_met[due, at])
             self._first[due] = (at + 1) % room
             self._pending[due] -= 1
         place = (self._first[rows] + self._pending[rows]) % room
         self._late_scores[rows, place] = values
-        self._late_errs[rows, place] = errs
+        self._late_met[rows, place] = met
         self._pending[rows] += 1
         return self._spread(rows, errs)
 
@@ -146,9 +156,8 @@ class BatchTracker:
         if np.isnan(limits).any():
             msg = f"met must not be NaN, got stream {int(rows[np.isnan(limits)][0])}"
             raise ValueError(msg)
-        errs = values > limits
-        self._apply(rows, values, errs)
-        return self._spread(rows, errs)
+        self._apply(rows, values, limits)
+        return self._spread(rows, values > limits)
 
     def drop_pending(self, mask: BoolArray | None = None) -> int:
         """End episodes that the next ones carry on: forget the errors not yet fed back.
@@ -176,24 +185,34 @@ class BatchTracker:
         self._q[rows] = start
         self._p[rows] = start
         self._pending[rows] = 0
-        self._steps.reset(rows)
+        if self._states is not None:
+            self._states.reset(rows, start)
+        if self._steps is not None:
+            self._steps.reset(rows)
         if self._integral is not None:
             self._integral.reset(rows)
 
-    def _apply(self, rows: IntArray, scores: FloatArray, errs: BoolArray) -> None:
+    def _apply(self, rows: IntArray, scores: FloatArray, met: FloatArray) -> None:
         """Move streams by one event each; nothing is changed before the last check."""
+        if self._steps is None:
+            self._apply_states(rows, scores, met)
+            return
+        errs = scores > met
         steps = self._steps.peek(rows, scores)
         p = self._p[rows]
         with np.errstate(over="ignore", invalid="ignore"):  # refused below
             p = np.where(errs, p + steps * (1.0 - self.alpha), p - steps * self.alpha)
-        good = np.isfinite(p)
-        if not good.all():
-            wrong = float(scores[~good][0])
-            msg = f"scores must not move the threshold beyond the range of floats, got {wrong!r}"
-            raise ValueError(msg)
+        _refuse(~np.isfinite(p), scores)
         self._steps.push(rows, scores)
         self._p[rows] = p
         self._q[rows] = p if self._integral is None else self._integral.onto(rows, p, errs)
+
+    def _apply_states(self, rows: IntArray, scores: FloatArray, met: FloatArray) -> None:
+        if self._states is not None:
+            after = self._states.after(rows, scores, met)
+            _refuse(np.isnan(after[:, 0]), scores)
+            self._states.states[rows] = after
+            self._q[rows] = after[:, 0]
 
     def _chosen(self, scores: ArrayLike, mask: BoolArray | None) -> tuple[IntArray, FloatArray]:
         rows = self._rows(mask)
@@ -217,6 +236,25 @@ class BatchTracker:
         everywhere = np.zeros(self.n, dtype=np.bool_)
         everywhere[rows] = errs
         return everywhere
+
+
+class _States:
+    """What a state rule keeps of each stream, a row each."""
+
+    def __init__(self, rule: StateRule, n: int, alpha: float, q0: float) -> None:
+        self.rule, self.alpha = rule, alpha
+        self.numbers = rule.numbers(alpha)
+        self.states = np.tile(rule.begin(alpha, q0), (n, 1))
+
+    def after(self, rows: IntArray, scores: FloatArray, met: FloatArray) -> FloatArray:
+        """Return some streams' states after one event each."""
+        states = self.states[rows]
+        _states.take_rows(type(self.rule).update, states, self.numbers, scores, met)
+        return states
+
+    def reset(self, rows: IntArray, q0: float) -> None:
+        """Start some streams anew."""
+        self.states[rows] = self.rule.begin(self.alpha, q0)
 
 
 class _Steps(Protocol):
@@ -355,6 +393,14 @@ class _Integrals:
     def reset(self, rows: IntArray) -> None:
         self.misses[rows] = 0
         self.events[rows] = 0
+
+
+def _refuse(bad: BoolArray, scores: FloatArray) -> None:
+    """Refuse the scores after which a stream has no threshold."""
+    if bad.any():
+        wrong = float(scores[bad][0])
+        msg = f"scores must not move the threshold beyond the range of floats, got {wrong!r}"
+        raise ValueError(msg)
 
 
 def _vector(name: str, values: ArrayLike, n: int) -> FloatArray:

@@ -19,7 +19,9 @@ $q_{t+h} = q_0 + \sum_{i \le t} \eta_i (\mathrm{err}_i - \alpha)$ is the first t
 | ``TrailingRange`` | lr (max - min) of the last scores | none: constant scores freeze it |
 | ``TrailingMax`` | c max of the last abs(s) | none: see its docstring |
 
-``PI`` wraps any of them and adds the saturated integral of the errors.
+``PI`` wraps any of them and adds the saturated integral of the errors. Rules that keep more than a
+step's worth of memory are state rules (`cpl.conformal.state`), the members of
+`cpl.conformal.family`.
 """
 
 from abc import ABC, abstractmethod
@@ -39,6 +41,7 @@ from cpl.conformal._steppers import (
     Stepper,
 )
 from cpl.conformal._validate import as_integer, as_positive
+from cpl.conformal.state import StateRule
 
 __all__ = [
     "PI",
@@ -350,12 +353,12 @@ class PI:
             raise ValueError(msg)
 
 
-Rule: TypeAlias = StepRule | PI
+Rule: TypeAlias = StepRule | PI | StateRule
 
 
 def as_rule(value: object) -> Rule:
     """Return a rule; anything else is refused."""
-    if not isinstance(value, StepRule | PI):
+    if not isinstance(value, StepRule | PI | StateRule):
         msg = f"rule must be a rule such as Fixed(eta=0.05), got {value!r}"
         raise ValueError(msg)
     return value

@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cpl.conformal import _kernels
+from cpl.conformal import _kernels, _states
 from cpl.conformal._validate import (
     Bounds,
     as_bounds,
@@ -15,7 +15,8 @@ from cpl.conformal._validate import (
     as_probability,
     as_scores,
 )
-from cpl.conformal.rules import PI, Rule, as_rule
+from cpl.conformal.rules import PI, Rule, StepRule, as_rule
+from cpl.conformal.state import StateRule
 
 __all__ = ["Track", "fed_back", "step_sizes", "track", "track_episodes", "track_many"]
 
@@ -225,7 +226,7 @@ def step_sizes(scores: ArrayLike, rule: Rule) -> FloatArray:
 
     Args:
         scores: Finite scores, shape (T,).
-        rule: The rule; of ``PI`` the steps of its proportional part.
+        rule: The rule; of ``PI`` the steps of its proportional part. A state rule has none.
 
     Returns:
         The steps [score], shape (T,).
@@ -239,7 +240,10 @@ def step_sizes(scores: ArrayLike, rule: Rule) -> FloatArray:
         array([0.5, 1.5, 1.5])
     """
     checked = as_scores(scores, ndim=1)
-    steps = _steps(as_rule(rule), checked[None, :])
+    if isinstance(as_rule(rule), StateRule):
+        msg = f"rule must be one with steps, such as Fixed(eta=0.05), got {rule!r}"
+        raise ValueError(msg)
+    steps = _steps(rule, checked[None, :])
     return np.broadcast_to(steps, (1, checked.size))[0].copy()
 
 
@@ -278,7 +282,7 @@ class _Setting:
         self, scores: FloatArray, steps: FloatArray, strides: tuple[int, int], q: FloatArray
     ) -> int:
         """Fill ``q`` of as many streams as go side by side; return how many those are."""
-        if isinstance(self.rule, PI):
+        if not isinstance(self.rule, StepRule):
             return 0
         streams, length = scores.shape
         many = streams - streams % _kernels.LANES
@@ -297,6 +301,8 @@ class _Setting:
     def _fill(self, scores: FloatArray, steps: FloatArray, ends: IntArray, q: FloatArray) -> bool:
         """Fill ``q`` of one stream; return whether its state stayed finite."""
         rule = self.rule
+        if isinstance(rule, StateRule):
+            return self._fill_state(rule, scores, ends, q)
         stride = int(steps.size > 1)
         where = scores, steps, stride, ends, self._late(scores.size), self.alpha, self.q0
         if isinstance(rule, PI):
@@ -305,12 +311,23 @@ class _Setting:
             last = _kernels.follow(*where, q)
         return bool(np.isfinite(last))
 
+    def _fill_state(
+        self, rule: StateRule, scores: FloatArray, ends: IntArray, q: FloatArray
+    ) -> bool:
+        """Fill ``q`` of one stream of a state rule; return whether there always was a threshold."""
+        state = rule.begin(self.alpha, self.q0)
+        late, settings = self._late(scores.size), rule.numbers(self.alpha)
+        _states.follow_state(type(rule).update, state, settings, scores, ends, late, q)
+        return not (np.isnan(q).any() or np.isnan(state[0]))
+
     def _late(self, length: int) -> int:
         """Return the delay; longer than the sequence is as good as for ever, and fits an int64."""
         return min(self.delay, length + 1)
 
 
 def _steps(rule: Rule, scores: FloatArray) -> FloatArray:
+    if isinstance(rule, StateRule):
+        return np.zeros((1, 1))  # it has none, and nobody looks
     with np.errstate(over="ignore", invalid="ignore"):  # refused later, where it does harm
         return (rule.rule if isinstance(rule, PI) else rule).steps(scores)
 

@@ -20,6 +20,7 @@ from cpl.conformal._validate import (
 )
 from cpl.conformal.rules import PI, Fixed, Rule, as_rule
 from cpl.conformal.sequence import Track
+from cpl.conformal.state import Running, StateRule
 
 __all__ = ["Tracker"]
 
@@ -38,7 +39,8 @@ class Tracker:
     back. A *live* loop does not have that score yet: it keeps the threshold it issued, and hands
     both in with ``feedback`` when the score arrives. Both give the same thresholds.
 
-    Memory is O(delay) for every rule, plus the window of the trailing ones; time O(1) an update.
+    Memory is O(delay) for every rule, plus what the rule itself keeps (the window of the trailing
+    ones, the state of a member of the family); time O(1) an update, plus what that takes.
 
     An update that is refused, for whatever reason, leaves the tracker as it was.
 
@@ -77,6 +79,7 @@ class Tracker:
         "_p",
         "_pending",
         "_q",
+        "_running",
         "_stepper",
         "_up",
         "alpha",
@@ -114,7 +117,7 @@ class Tracker:
 
     @property
     def q(self) -> float:
-        """The threshold that the next score meets [score]; infinite when ``PI`` saturates."""
+        """The threshold that the next score meets [score]; some rules let it be infinite."""
         return self._q
 
     @property
@@ -149,13 +152,13 @@ class Tracker:
         err = score > q
         pending = self._pending
         if len(pending) + 1 < self.delay:
-            pending.append((score, err))
+            pending.append((score, q))
         elif pending:
             self._apply(*pending[0])
             pending.popleft()
-            pending.append((score, err))
+            pending.append((score, q))
         else:
-            self._apply(score, err)
+            self._apply(score, q)
         return err
 
     def feedback(self, score: SupportsFloat, met: float) -> bool:
@@ -198,9 +201,8 @@ class Tracker:
         checked = as_score(score, self.bounds)
         if not isinstance(met, float) or math.isnan(met):
             met = as_number("met", met)
-        err = checked > met
-        self._apply(checked, err)
-        return err
+        self._apply(checked, met)
+        return checked > met
 
     def extend(self, scores: ArrayLike) -> Track:
         """Take scores one after the other, as ``update`` does, in one plain Python loop.
@@ -248,12 +250,22 @@ class Tracker:
         rule = self.rule
         self._q = start
         self._p = start  # the proportional state, where an integral comes on top of it
-        self._pending: deque[tuple[float, bool]] = deque()
-        self._stepper = (rule.rule if isinstance(rule, PI) else rule).stepper()
-        self._integral = _Integral(rule, self.alpha) if isinstance(rule, PI) else None
+        self._pending: deque[tuple[float, float]] = deque()
+        self._running = self._stepper = self._integral = None
+        if isinstance(rule, StateRule):
+            self._running = Running(rule, self.alpha, start)
+        elif isinstance(rule, PI):
+            self._stepper = rule.rule.stepper()
+            self._integral = _Integral(rule, self.alpha)
+        else:
+            self._stepper = rule.stepper()
 
-    def _apply(self, score: float, err: bool) -> None:
+    def _apply(self, score: float, met: float) -> None:
         """Move by one event of feedback; nothing is changed before the last check."""
+        if self._stepper is None:
+            self._apply_state(score, met)
+            return
+        err = score > met
         step = self._stepper.peek(score)
         p = self._q if self._integral is None else self._p
         p = p + step * (1.0 - self.alpha) if err else p - step * self.alpha
@@ -263,13 +275,19 @@ class Tracker:
         self._p = p
         self._q = p if self._integral is None else self._integral.onto(p, err)
 
+    def _apply_state(self, score: float, met: float) -> None:
+        if self._running is not None:
+            if not self._running.take(score, met):
+                raise ValueError(_overflow(score))
+            self._q = self._running.q
+
     def _extend_any(self, scores: list[float]) -> list[float]:
         trial = copy.deepcopy(self)
         met: list[float] = []
         for score in scores:
             met.append(trial.q)
             trial.update(score)
-        for name in ("_p", "_q", "_pending", "_stepper", "_integral"):
+        for name in ("_p", "_q", "_pending", "_running", "_stepper", "_integral"):
             setattr(self, name, getattr(trial, name))
         return met
 

@@ -40,8 +40,8 @@ def test_steps_by_hand(rule, steps):
     assert step_sizes(SCORES, rule).tolist() == pytest.approx(steps, abs=0)
 
 
-def test_steps_of_no_scores_are_none(any_rule):
-    assert step_sizes([], any_rule).shape == (0,)
+def test_steps_of_no_scores_are_none(stepping_rule):
+    assert step_sizes([], stepping_rule).shape == (0,)
 
 
 @settings(max_examples=60)
