@@ -48,7 +48,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
 def _fill(app: Sphinx, doctree: nodes.document, page: str) -> None:
     rows = _rows(app)
     for mark in list(doctree.findall(ClaimMark)):
-        if not rows:  # a page that stands alone: there is no ledger beside it
+        if not rows:  # a site without live figures: there is no ledger beside it
             mark.replace_self(nodes.inline("", f"claim {mark['row']}"))
         elif mark["row"] not in rows:
             _log.warning("there is no claim %r in the ledger", mark["row"], location=mark)
@@ -109,7 +109,8 @@ def _fold_into_opening(
     opening = '<p class="book-opening">'
     if not mine or opening not in context.get("body", ""):
         return
-    up = app.builder.get_relative_uri(page, LEDGER)
+    alone = LEDGER not in app.env.all_docs
+    up = "" if alone else app.builder.get_relative_uri(page, LEDGER)
     badges = " ".join(_small(row, up) for row in mine)
     line = f'<p class="book-claims"><span>Claims of this chapter</span> {badges}</p>\n{opening}'
     context["body"] = context["body"].replace(opening, line, 1)
@@ -117,9 +118,13 @@ def _fold_into_opening(
 
 def _small(row: dict[str, Any], ledger: str) -> str:
     kind = f"verdict-{list(MARKS).index(row['verdict'])}"
+    open_, close = (
+        ("span", "span") if not ledger else (f'a href="{ledger}#claim-{row["row"]}"', "a")
+    )
     return (
-        f'<a class="verdict {kind}" href="{ledger}#claim-{row["row"]}">'
-        f'<span aria-hidden="true">{MARKS[row["verdict"]]}</span> {row["row"]} {row["verdict"]}</a>'
+        f'<{open_} class="verdict {kind}">'
+        f'<span aria-hidden="true">{MARKS[row["verdict"]]}</span> {row["row"]} {row["verdict"]}'
+        f"</{close}>"
     )
 
 

@@ -16,7 +16,17 @@ if TYPE_CHECKING:
 
     from cpl.claims.row import ClaimsTable, Row, TwinTable
 
-__all__ = ["accept", "attempts", "changes", "committed", "ledger", "own", "table", "twin_table"]
+__all__ = [
+    "accept",
+    "attempts",
+    "changes",
+    "committed",
+    "discussed_in",
+    "ledger",
+    "own",
+    "table",
+    "twin_table",
+]
 
 
 def ledger(*, root: Path | None = None) -> list[Row]:
@@ -73,6 +83,21 @@ def table(*rows: int) -> ClaimsTable:
     from cpl.claims._ledger import show as _show
 
     return _show(rows)
+
+
+def discussed_in(chapter: str) -> tuple[int, ...]:
+    """Return the numbers of the rows that a chapter shows; no rule is asked for it.
+
+    Args:
+        chapter: Its slug.
+
+    Examples:
+        >>> discussed_in("tracking")
+        (3, 6)
+    """
+    from cpl.claims._ledger import claims as _claims
+
+    return tuple(row for row, claim in _claims().items() if claim.chapter == chapter)
 
 
 def twin_table() -> TwinTable:

@@ -20,7 +20,7 @@ from typing import Any
 import yaml
 
 from cpl.publish.chapters import Chapter
-from cpl.publish.live import live_files
+from cpl.publish.live import files_for_page
 from cpl.publish.render import render
 from cpl.publish.stage import settings_files, staged_notebook
 
@@ -51,7 +51,7 @@ def standalone(chapter: Chapter, executed: str, record: Mapping[str, Any], root:
             target = stage / path.relative_to(root)
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(path.read_bytes())
-        for name, content in live_files().items() if "{live}" in chapter.text else ():
+        for name, content in files_for_page(chapter.text, chapter.name).items():
             target = stage / "book" / name
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(content)

@@ -15,7 +15,7 @@ from typing import Any
 from cpl.publish.chapters import Chapter, ChapterError, find_pages
 from cpl.publish.contract import unexplained_figures
 from cpl.publish.execute import with_outputs
-from cpl.publish.live import live_files
+from cpl.publish.live import files_for_site
 from cpl.publish.provenance import footer
 from cpl.store import atomic_write
 
@@ -45,8 +45,8 @@ def write_stage(
     pages = [path for path in find_pages(root) if path not in notebooks]
     for path in [*pages, *settings_files(root)]:
         wanted[path.relative_to(root)] = path.read_bytes()
-    if any(b"{live}" in page.read_bytes() for page in find_pages(root)):
-        wanted |= {Path("book") / place: content for place, content in live_files().items()}
+    text = "\n".join(page.read_text(encoding="utf-8") for page in find_pages(root))
+    wanted |= {Path("book") / place: content for place, content in files_for_site(text).items()}
     for place, content in wanted.items():
         target = stage / place
         if not target.is_file() or target.read_bytes() != content:

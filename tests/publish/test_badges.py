@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from cpl.claims import ledger, own, table
+from cpl.claims import committed, ledger, own, table
 from cpl.publish.live._facts import ledger_file
 from cpl.store import project_root
 
@@ -34,13 +34,13 @@ def facts():
 def site(tmp_path, facts):
     """Build a few pages with the book's extensions; return their texts, or what was complained."""
 
-    def build(*, alone=False, **pages):
+    def build(*, rows=None, **pages):
         (tmp_path / "conf.py").write_text(CONF.format(ext=str(project_root() / "book" / "_ext")))
         (tmp_path / "_toc.yml").write_text("parts: []\n")
         place = tmp_path / "book" / "_static" / "live" / "data" / "ledger.json"
         place.parent.mkdir(parents=True)
-        if not alone:
-            place.write_bytes(facts)
+        if rows != []:
+            place.write_bytes(facts if rows is None else ledger_file(rows))
         for name, text in pages.items():
             (tmp_path / "book" / f"{name}.md").write_text(text)
         names = "\n".join(f"book/{name}" for name in pages)
@@ -63,8 +63,8 @@ def words(html):
 
 def test_the_file_holds_the_books_own_claims_beside_the_papers(facts):
     told = json.loads(facts)
-    assert [row["row"] for row in told["rows"]] == list(range(1, 54))
-    assert sum(told["counts"].values()) == 50
+    assert [row["row"] for row in told["rows"]] == list(range(1, len(committed()) + 1))
+    assert sum(told["counts"].values()) == len(ledger())
 
 
 def test_a_badge_says_what_the_ledger_says_and_links_there(site, papers):
@@ -97,6 +97,14 @@ def test_a_claim_that_does_not_exist_fails_the_build(site):
     assert "there is no claim '99' in the ledger" in site(holds="# H\n\n{claim}`99`\n")
 
 
-def test_a_page_that_stands_alone_names_the_claim(site):
-    pages = site(alone=True, page="# Alone\n\nSee {claim}`7`.\n")
+def test_without_a_ledger_a_claim_is_named(site):
+    pages = site(rows=[], page="# Alone\n\nSee {claim}`7`.\n")
     assert "See claim 7 ." in words(pages["page"])
+
+
+def test_a_page_that_stands_alone_has_badges_without_links(site, papers):
+    pages = site(rows=[1, 7], promise="# A promise\n\nSee {claim}`7`.\n")
+    assert f"claim 7 {papers[6].verdict} ." in words(pages["promise"])
+    opening = re.search(r'<p class="book-claims">.*?</p>', pages["promise"], re.DOTALL)[0]
+    assert f"1 {papers[0].verdict}" in words(opening)
+    assert "href" not in opening

@@ -8,10 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cpl.claims import _ledger, ledger
 from cpl.experiments import published
 from cpl.experiments.listen import replays
 from cpl.policies.measures import SUMS
-from cpl.publish.live import as_script, live_files, tracker_vectors
+from cpl.publish.live import as_script, files_for_page, files_for_site, tracker_vectors
 from cpl.publish.live._pareto import points
 from cpl.publish.live._rides import FRAMES_PER_SECOND, opening_moments, ride_scripts, scenes
 from cpl.store import project_root
@@ -149,7 +150,7 @@ def test_points_of_the_explorer_are_means_with_intervals():
 
 
 def test_each_live_figure_has_its_data_and_its_picture():
-    files = live_files()
+    files = files_for_site("```{live} tracker\n```{live} road\n```{live} pareto\n")
     for name in ("data/rides.js", "data/pareto.js", "data/ledger.json"):
         assert f"_static/live/{name}" in files
     for name in ("tracker", "road", "pareto"):
@@ -157,8 +158,18 @@ def test_each_live_figure_has_its_data_and_its_picture():
     assert sum(map(len, files.values())) < 4e6
 
 
+def test_a_page_gets_the_data_of_its_own_figures_and_rows(monkeypatch):
+    decided, first = [], ledger()[0]
+    monkeypatch.setattr(_ledger, "_row", lambda claim, _root: decided.append(claim) or first)
+    text = "```{live} tracker\n```\nSee {claim}`20` and {claim}`51`."
+    files = files_for_page(text, "theory")
+    assert set(files) == {"_static/live/tracker.svg", "_static/live/data/ledger.json"}
+    assert [claim.row for claim in decided] == [2, 4, 5, 8, 20, 51]
+    assert files_for_page("Nothing.", "preface") == files_for_site("Nothing.") == {}
+
+
 def test_a_link_to_the_book_has_a_picture_of_the_usual_size():
-    picture = live_files()["_static/preview.png"]
+    picture = files_for_site("{live} tracker")["_static/preview.png"]
     assert picture.startswith(b"\x89PNG")
     assert struct.unpack(">II", picture[16:24]) == (1200, 630)
     assert len(picture) < 200_000

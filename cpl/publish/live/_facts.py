@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Sequence
 
-from cpl.claims import ledger, own
+from cpl.claims import ledger, own, table
 
 __all__ = ["ledger_file"]
 
 
-def ledger_file() -> bytes:
+def ledger_file(rows: Sequence[int] | None = None) -> bytes:
     """Return the verdicts as JSON: how many of each, and one entry a row of the ledger.
 
     What is counted are the paper's claims; the book's own follow behind them in the rows.
+
+    Args:
+        rows: The rows that a page shows; no other one is decided. All unless given.
     """
-    papers = ledger()
-    rows = [*papers, *own()]
+    whole = rows is None
+    papers = ledger() if whole else []
+    shown = [*papers, *own()] if whole else table(*rows).rows if rows else ()
     counts = Counter(row.verdict for row in papers)
     entries = [
         {"row": row.row, "claim": row.claim, "verdict": row.verdict, "chapter": row.chapter}
-        for row in rows
+        for row in shown
     ]
     return (json.dumps({"counts": counts, "rows": entries}, indent=1) + "\n").encode()

@@ -1,7 +1,11 @@
-"""All files that live figures need beside their scripts, by place in the book's folder."""
+"""The files that live figures and badges need beside their scripts."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
+
+from cpl.claims import discussed_in
 from cpl.conformal import Fixed, adversary, bounds, track_exact
 from cpl.experiments import published
 from cpl.figures.live import missing, preview
@@ -12,26 +16,52 @@ from cpl.publish.live._pareto import pareto_files
 from cpl.publish.live._rides import opening_moments, ride_scripts
 from cpl.publish.live._script import as_script
 
-__all__ = ["live_files"]
+__all__ = ["files_for_page", "files_for_site"]
 
 _FOLDER = "_static/live"
 _LANES = 4
-_PREVIEW = "_static/preview.png"
+_FIGURE = re.compile(r"\{live\} (\w+)")
+_BADGE = re.compile(r"\{claim\}`(\d+)`")
+_LEDGER = f"{_FOLDER}/data/ledger.json"
 
 
-def live_files() -> dict[str, bytes]:
-    """Return scripts with data, and the picture that stands in for each live figure.
+def files_for_site(text: str) -> dict[str, bytes]:
+    """Return what the pages of a site need: data and pictures of their figures, and the ledger.
+
+    Args:
+        text: The pages' text. Without a live figure in it nothing is needed.
 
     Returns:
         Content by place relative to `book/`, such as `_static/live/data/rides.js`.
     """
-    rides, road = _rides()
-    pareto, fronts = pareto_files()
-    scripts = {**rides, **pareto}
-    pictures = {"tracker.svg": _tracker_picture(), "road.svg": road, "pareto.svg": fronts}
-    texts = {f"data/{name}": text for name, text in scripts.items()} | pictures
-    files = {f"{_FOLDER}/{name}": text.encode() for name, text in texts.items()}
-    return {**files, f"{_FOLDER}/data/ledger.json": ledger_file(), _PREVIEW: _preview()}
+    figures = _figures(text)
+    if not figures:
+        return {}
+    return {**figures, _LEDGER: ledger_file(), "_static/preview.png": _preview()}
+
+
+def files_for_page(text: str, slug: str) -> dict[str, bytes]:
+    """Return what one page that stands alone needs; of the ledger, the rows that it shows.
+
+    Args:
+        text: The page's text.
+        slug: The chapter's name.
+
+    Returns:
+        As for `files_for_site`.
+    """
+    rows = {*discussed_in(slug), *(int(number) for number in _BADGE.findall(text))}
+    return {**_figures(text), **({_LEDGER: ledger_file(sorted(rows))} if rows else {})}
+
+
+def _figures(text: str) -> dict[str, bytes]:
+    """Return data and pictures of the live figures that a text places."""
+    texts: dict[str, str] = {}
+    for name in sorted(set(_FIGURE.findall(text)) & _DRAWN.keys()):
+        scripts, picture = _DRAWN[name]()
+        texts |= {f"data/{script}": content for script, content in scripts.items()}
+        texts[f"{name}.svg"] = picture
+    return {f"{_FOLDER}/{name}": content.encode() for name, content in texts.items()}
 
 
 def _preview() -> bytes:
@@ -41,12 +71,12 @@ def _preview() -> bytes:
     return preview(worst, q, title="Conformal Policy Learning", words=words)
 
 
-def _tracker_picture() -> str:
+def _tracker() -> tuple[dict[str, str], str]:
     worst = adversary.upper_worst_case(0.1, 0.1, 1, W=80)
     scores = worst.as_floats()
     q = track_exact(scores, Fixed(eta=0.1), alpha=0.1).q
     walls = bounds.quantile_range(0.1, 0.1, 1)
-    return band(scores, q, low=float(walls.low), high=float(walls.high)).svg()
+    return {}, band(scores, q, low=float(walls.low), high=float(walls.high)).svg()
 
 
 def _rides() -> tuple[dict[str, str], str]:
@@ -61,3 +91,10 @@ def _rides() -> tuple[dict[str, str], str]:
             opening_moments(result.table, result.config), lanes_count=_LANES
         ).svg()
     return {"rides.js": as_script("rides", None)}, missing("No rides are published yet.").svg()
+
+
+_DRAWN: dict[str, Callable[[], tuple[dict[str, str], str]]] = {
+    "tracker": _tracker,
+    "road": _rides,
+    "pareto": pareto_files,
+}
