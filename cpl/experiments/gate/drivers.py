@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cpl.conformal import BatchTracker, Fixed
+from cpl.conformal import BatchTracker, Fixed, Rule
 from cpl.experiments.gate.streams import Bools, Floats, Ints, Roads
 from cpl.highway import Config, Engine, State
 from cpl.highway.proximity import proximity
@@ -21,6 +21,7 @@ Obs = NDArray[np.float32]
 Values = Callable[[Obs], NDArray[np.floating]]
 
 _HORIZON = 3  # [decisions]
+_PAPER = Fixed(eta=0.1)
 
 
 class Plain:
@@ -113,13 +114,23 @@ class Switching:
         n: Rows.
         q_safe: The switch's threshold.
         alpha: Miscoverage aimed at.
+        rule: What tracks the quantile, the paper's unless given; None for no quantile, q = 0.
     """
 
     def __init__(
-        self, name: str, safe: Values, speed: Values, n: int, *, q_safe: float, alpha: float = 0.1
+        self,
+        name: str,
+        safe: Values,
+        speed: Values,
+        n: int,
+        *,
+        q_safe: float,
+        alpha: float = 0.1,
+        rule: Rule | None = _PAPER,
     ) -> None:
         self.names, self.safe, self.speed, self.q_safe = (name,), safe, speed, q_safe
-        self.tracker = BatchTracker(Fixed(eta=0.1), n, alpha=alpha)
+        self.tracker = None if rule is None else BatchTracker(rule, n, alpha=alpha)
+        self._zero = np.zeros(n)
         self._past: list[tuple[Floats, Floats]] = []
 
     def begin(self, roads: Roads, rows: slice) -> None:
@@ -132,10 +143,10 @@ class Switching:
         apart = np.hypot(200.0 * cars[..., 1], 16.0 * cars[..., 2])
         nearest = np.where(cars[..., 0] > 0.5, apart, 200.0).min(axis=1)
         l_tilde = np.asarray(proximity(nearest.astype(np.float64)), np.float64)
-        if len(self._past) == _HORIZON:
+        if self.tracker is not None and len(self._past) == _HORIZON:
             forecast, met = self._past.pop(0)
             self.tracker.feedback(np.abs(l_tilde - forecast), met, active)
-        q = self.tracker.q
+        q = self._zero if self.tracker is None else self.tracker.q
         self._past.append((l_tilde, q))
         a, b = (np.asarray(values(obs)).argmax(axis=1) for values in (self.safe, self.speed))
         return np.where(l_tilde + q > self.q_safe, a, b)

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from cpl.conformal import PI, Decaying, Fixed, RunningMax, TrailingRange
 from cpl.experiments.gate.drivers import Capped, Foresight, Plain, Scheduled, Switching
-from cpl.experiments.gate.streams import Floats, Gated, Roads, schedule
+from cpl.experiments.gate.replays import Recording, Replaying, replays
+from cpl.experiments.gate.streams import schedule
 from cpl.experiments.gate.study import averaged, frozen, gated, quantile, run, values
 from cpl.experiments.run.need import Inputs, Need
 from cpl.experiments.run.shard import Shard
@@ -30,10 +31,8 @@ from cpl.policies.gate import (
     GateConfig,
     Margin,
     Recorded,
-    Sight,
     Tracked,
 )
-from cpl.rng import stream
 
 __all__ = ["EXTENT", "LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards", "upstream"]
 
@@ -87,7 +86,6 @@ PROFILES = {
     "paper": Config(pairs=3, streams=24),
 }
 
-_STEPS = 40  # decisions of an episode
 _PARTS = ("trackers", "drivers", "alone")
 
 
@@ -147,77 +145,12 @@ def _trackers(config: Config, speed: Any, worlds: NDArray[np.str_]) -> pd.DataFr
         "decision theory": Decision(n, eta=2.0, epsilon=0.02, near=0.5, start=2.0),
         **{f"constant {margin:g}": Constant(margin, n) for margin in config.margins},
     }
-    driver = _Recording(gated(list(trackers), list(trackers.values()), n, speed))
+    driver = Recording(gated(list(trackers), list(trackers.values()), n, speed))
     first = run([driver], worlds, stay=config.stay)
-    replays = _replays(driver.margins()[:, :n], worlds)
-    recorded = [Recorded(rows) for rows in replays.values()]
-    again = _Replaying(gated(list(replays), recorded, n, speed), recorded)
+    played = replays(driver.margins()[:, :n], worlds)
+    recorded = [Recorded(rows) for rows in played.values()]
+    again = Replaying(gated(list(played), recorded, n, speed), recorded)
     return pd.concat([first, run([again], worlds, stay=config.stay)])
-
-
-class _Recording:
-    """A gated driver whose margins are written down, round by round."""
-
-    def __init__(self, driver: Gated) -> None:
-        self.driver, self.names = driver, driver.names
-        self._rounds: list[list[Floats]] = []
-
-    def begin(self, roads: Roads, rows: slice) -> None:
-        self._rounds.append([])
-        self.driver.begin(roads, rows)
-
-    def act(
-        self, obs: NDArray[np.float32], active: NDArray[np.bool_], roads: Roads, rows: slice
-    ) -> NDArray[np.int64]:
-        chosen = self.driver.act(obs, active, roads, rows)
-        if self.sight is not None:
-            self._rounds[-1].append(self.sight.margin.copy())
-        return chosen
-
-    @property
-    def sight(self) -> Sight | None:
-        return self.driver.sight
-
-    def margins(self) -> Floats:
-        """One row a decision; a round in which all had crashed early ends with its last margin."""
-        full = [rows + rows[-1:] * (_STEPS - len(rows)) for rows in self._rounds]
-        return np.array([row for rows in full for row in rows])
-
-
-class _Replaying(_Recording):
-    """A gated driver with recorded margins, that begins each round where it was recorded."""
-
-    def __init__(self, driver: Gated, recorded: list[Recorded]) -> None:
-        super().__init__(driver)
-        self.recorded = recorded
-
-    def begin(self, roads: Roads, rows: slice) -> None:
-        for margin in self.recorded:
-            margin.step = _STEPS * len(self._rounds)
-        super().begin(roads, rows)
-
-
-def _replays(q: Floats, worlds: NDArray[np.str_]) -> dict[str, Floats]:
-    """Margins with parts of what the quantile knows: its regime, its distribution, its mean.
-
-    Args:
-        q: The quantile's margins, one row a decision (40 an episode), a column a stream.
-        worlds: By stream and round.
-    """
-    here = np.repeat(worlds.T, _STEPS, axis=0)
-    donor, mean = q.copy(), np.empty_like(q)
-    for world in np.unique(worlds):
-        mean[here == world] = q[here == world].mean()
-    for row, names in zip(donor, here, strict=True):
-        for world in np.unique(names):
-            mine = np.flatnonzero(names == world)
-            row[mine] = row[np.roll(mine, 1)]
-    return {
-        "donor quantile": donor,
-        "shuffled quantile": stream(0, "gate", "shuffle").permuted(q, axis=1),
-        "mean quantile of the world": mean,
-        "mean quantile": np.full_like(q, q.mean()),
-    }
 
 
 def _drivers(

@@ -119,9 +119,10 @@ def run(
     *,
     stay: int,
     setting: str = "changing",
+    first_seed: int = TEST,
 ) -> pd.DataFrame:
     """Drive test episodes; take the value out of names such as "constant 5.5"."""
-    table = drive(drivers, worlds, first_seed=TEST)
+    table = drive(drivers, worlds, first_seed=first_seed)
     parts = table["method"].str.rpartition(" ")
     told = pd.Series(pd.to_numeric(parts[2], errors="coerce"))
     method = np.where(told.notna(), parts[0], table["method"])

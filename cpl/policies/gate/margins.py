@@ -20,6 +20,7 @@ __all__ = [
     "Averaged",
     "Bools",
     "Constant",
+    "Costly",
     "Decision",
     "Floats",
     "Margin",
@@ -127,6 +128,8 @@ class Tracked:
         scale0: The first scale [m].
         least: The smallest scale [m].
         at: Which of the horizon's errors is scored, counted from 1; None for the last.
+        top: The largest margin asked for [m]; what an infinite threshold stands for. None for no
+            limit. The threshold itself is not limited.
     """
 
     def __init__(
@@ -140,11 +143,13 @@ class Tracked:
         scale0: float = 1.0,
         least: float = 0.3,
         at: int | None = None,
+        top: float | None = None,
     ) -> None:
         self.tracker = BatchTracker(rule, n, alpha=alpha, q0=q0)
         self.rate = 0.0 if memory is None else 1.0 / memory
         self.scale = np.full(n, 1.0 if memory is None else scale0)
         self.least = least
+        self.top = np.inf if top is None else top
         self.at = -1 if at is None else at - 1
         self.width = 3
         self.missed = np.zeros(n, np.bool_)
@@ -153,7 +158,8 @@ class Tracked:
     def issue(self) -> Floats:
         """Return the margin, the threshold and the scale."""
         q = self.tracker.q
-        return np.stack([q * self.scale, q, self.scale], axis=1)
+        asked = np.clip(q * self.scale, -self.top, self.top)
+        return np.stack([asked, q, self.scale], axis=1)
 
     def learn(self, outcome: Outcome, issued: Floats) -> None:
         """Move threshold and scale where an error became known."""
@@ -276,6 +282,42 @@ class Decision:
         loss = outcome.clearance < self.near
         moved = self.margin + self.eta * (loss - self.epsilon)
         self.margin = np.where(outcome.active, moved, self.margin)
+
+
+class Costly:
+    r"""Cost-aware tracking: an error counts for more when a near miss is seen with it.
+
+    $$ m_{t+1} = m_t + \eta (c_t\,\mathrm{err}_t - \alpha), \qquad
+       c_t = 1 + C\,1\{\text{clearance} < c^*\} $$
+
+    After Xue, Pan, Ong and Wu (2026), with a near miss for the violation.
+
+    Args:
+        n: Roads.
+        eta: Step [m].
+        alpha: Share of errors, weighted, that is aimed at.
+        cost: C, what an error with a near miss costs more than one without.
+        near: Clearance below which it was one [m].
+        start: The first margin [m].
+    """
+
+    width = 1
+
+    def __init__(
+        self, n: int, *, eta: float, alpha: float, cost: float, near: float, start: float
+    ) -> None:
+        self.eta, self.alpha, self.cost, self.near = eta, alpha, cost, near
+        self.margin = np.full(n, start)
+
+    def issue(self) -> Floats:
+        """Return the margin."""
+        return self.margin[:, None]
+
+    def learn(self, outcome: Outcome, issued: Floats) -> None:
+        """Move the margin by an error that became known, and by what it cost."""
+        known, missed = outcome.known[:, -1], outcome.errors[:, -1] > issued[:, -1, 0]
+        loss = missed * (1.0 + self.cost * (outcome.clearance < self.near))
+        self.margin = np.where(known, self.margin + self.eta * (loss - self.alpha), self.margin)
 
 
 class Stacked:

@@ -7,7 +7,7 @@ import pytest
 
 from cpl.experiments import compute
 from cpl.experiments.gate.drivers import Capped, Foresight, Plain, Scheduled, Switching
-from cpl.experiments.gate.gate_controls import _replays
+from cpl.experiments.gate.replays import replays
 from cpl.experiments.gate.streams import WORLDS, Gated, Roads, drive, schedule
 from cpl.experiments.gate.study import calibrated
 from cpl.highway import PAPER
@@ -120,11 +120,11 @@ def test_replayed_margins_keep_what_their_names_say():
     q = np.random.default_rng(0).normal(5, 1, (80, 4)) + 10 * (
         np.repeat(worlds.T, 40, 0) == "noise"
     )
-    replays = _replays(q, worlds)
-    assert np.array_equal(replays["donor quantile"][:40, :2], q[:40, [1, 0]])
-    assert np.allclose(np.sort(replays["shuffled quantile"], axis=1), np.sort(q, axis=1))
-    assert np.allclose(replays["mean quantile"], q.mean())
-    mean = replays["mean quantile of the world"]
+    played = replays(q, worlds)
+    assert np.array_equal(played["donor quantile"][:40, :2], q[:40, [1, 0]])
+    assert np.allclose(np.sort(played["shuffled quantile"], axis=1), np.sort(q, axis=1))
+    assert np.allclose(played["mean quantile"], q.mean())
+    mean = played["mean quantile of the world"]
     assert set(np.round(np.unique(mean), 6)) == {
         round(float(q[np.repeat(worlds.T, 40, 0) == name].mean()), 6) for name in ("in", "noise")
     }
