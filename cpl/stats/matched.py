@@ -9,7 +9,7 @@ from cpl.stats.bootstrap import Weights, interval, sums
 from cpl.stats.estimates import Estimate
 from cpl.stats.fronts import at_levels
 
-__all__ = ["Ratio", "beside_curve", "ratio"]
+__all__ = ["Ratio", "apart", "beside_curve", "ratio"]
 
 Floats = NDArray[np.float64]
 
@@ -98,6 +98,34 @@ def beside_curve(
         >>> round(found.value, 3), round(found.low, 3), round(found.high, 3)
         (-0.1, -0.1, -0.1)
     """
+    value, drawn = _above(y, x, curve_y, curve_x, weights, mixtures=mixtures)
+    return interval(value, drawn, groups=weights.groups, confidence=confidence)
+
+
+def apart(
+    first: tuple[Ratio, Ratio],
+    second: tuple[Ratio, Ratio],
+    curve: tuple[Ratio, Ratio],
+    weights: Weights,
+) -> Estimate:
+    """Return how much farther above a curve one method lies than another, each at its own x.
+
+    Args:
+        first: A method's y and x, as in `beside_curve`.
+        second: The other's; the same groups and units.
+        curve: The rivals' y and x.
+        weights: From ``hierarchical_weights``; the same resamples for both.
+
+    Returns:
+        The difference; its ``n`` is the number of groups.
+    """
+    (a, drawn_a), (b, drawn_b) = (_above(*own, *curve, weights) for own in (first, second))
+    return interval(a - b, drawn_a - drawn_b, groups=weights.groups)
+
+
+def _above(
+    y: Ratio, x: Ratio, curve_y: Ratio, curve_x: Ratio, weights: Weights, *, mixtures: bool = False
+) -> tuple[float, Floats]:
     (own_y, drawn_y), (own_x, drawn_x) = _ratio(y, weights), _ratio(x, weights)
     (line_y, drawn_line_y), (line_x, drawn_line_x) = (
         _ratio(curve_y, weights),
@@ -105,8 +133,7 @@ def beside_curve(
     )
     read = _hull if mixtures else _line
     value = float(own_y - read(line_x[None], line_y[None], own_x[None])[0])
-    drawn = drawn_y - read(drawn_line_x, drawn_line_y, drawn_x)
-    return interval(value, drawn, groups=weights.groups, confidence=confidence)
+    return value, drawn_y - read(drawn_line_x, drawn_line_y, drawn_x)
 
 
 def _ratio(ratio: Ratio, weights: Weights) -> tuple[Floats, Floats]:

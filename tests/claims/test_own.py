@@ -59,6 +59,8 @@ def test_the_rows_are_numbered_after_the_papers():
     assert [row.row for row in rows] == list(OURS)
     assert min(OURS) == len(claims()) - len(OURS) + 1
     for row in rows:
+        if row.verdict == Verdict.PENDING:  # its rule is committed before its data
+            continue
         assert row.n > 0
         assert row.n_seeds >= 3
         assert row.low <= row.value <= row.high
@@ -67,7 +69,8 @@ def test_the_rows_are_numbered_after_the_papers():
 
 
 def test_every_row_has_mutations():
-    assert {row for row, _, _ in MUTATIONS} == set(OURS)
+    decided = {row.row for row in own() if row.verdict != Verdict.PENDING}
+    assert {row for row, _, _ in MUTATIONS} == decided
 
 
 @pytest.mark.parametrize(("row", "experiment", "change"), MUTATIONS)
