@@ -1,10 +1,11 @@
 """What the tracker guarantees: one small pure function for each statement.
 
 `window` holds Theorem 1 and its exact form (fixed step, feedback delay), `horizon` what that means
-over time, `varying` the variable step, `safe` the eventually safe policy with unbounded scores,
-`integral` the saturated integrator. All take `alpha` (always miscoverage), `eta`, `B` and `W` as in
-the paper. Arguments are read as exact numbers (see `cpl.conformal.rational`): counts of misses are
-exact integers; rates are fractions if all inputs are, else floats rounded once.
+over time, `trouble` what feedback that is lost or wrong costs, `varying` the variable step, `safe`
+the eventually safe policy with unbounded scores, `integral` the saturated integrator. All take
+`alpha` (always miscoverage), `eta`, `B` and `W` as in the paper. Arguments are read as exact
+numbers (see `cpl.conformal.rational`): counts of misses are exact integers; rates are fractions if
+all inputs are, else floats rounded once.
 """
 
 from cpl.conformal.bounds.horizon import (
@@ -23,6 +24,11 @@ from cpl.conformal.bounds.safe import (
     eventually_safe_overshoot,
     eventually_safe_range,
     eventually_safe_range_sharp,
+)
+from cpl.conformal.bounds.trouble import (
+    max_errors_in_trouble,
+    min_errors_in_trouble,
+    troubled_range,
 )
 from cpl.conformal.bounds.varying import (
     decreasing_step_bound,
@@ -64,8 +70,10 @@ __all__ = [
     "longest_miss_run",
     "max_errors",
     "max_errors_from_start",
+    "max_errors_in_trouble",
     "min_errors",
     "min_errors_from_start",
+    "min_errors_in_trouble",
     "pi_envelope",
     "pi_error_range",
     "pi_turning_point",
@@ -74,6 +82,7 @@ __all__ = [
     "running_maximum_bound",
     "smallest_informative_window",
     "smallest_two_sided_window",
+    "troubled_range",
     "unscored_predictions",
     "variable_step_bound",
     "window_errors",

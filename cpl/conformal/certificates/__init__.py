@@ -12,7 +12,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cpl.conformal.certificates import assumption, feedback, printed, theorem, traps, update
+from cpl.conformal.certificates import (
+    assumption,
+    feedback,
+    printed,
+    theorem,
+    traps,
+    trouble,
+    update,
+)
 from cpl.conformal.certificates.frame import Certificate, Kind, Obligation, Status, Verdict
 
 if TYPE_CHECKING:
@@ -32,7 +40,7 @@ __all__ = [
 
 CERTIFICATES: dict[str, Certificate] = {
     proof.name: proof
-    for part in (update, theorem, printed, feedback, assumption, traps)
+    for part in (update, theorem, printed, feedback, trouble, assumption, traps)
     for proof in part.CERTIFICATES
 }
 """All certificates by name, in the order of the paper's argument."""

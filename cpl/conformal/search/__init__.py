@@ -16,14 +16,17 @@ from cpl.conformal.search._excursions import (
     sweep_eventually_safe,
 )
 from cpl.conformal.search._grid import ALPHAS, RATIOS
+from cpl.conformal.search._trouble import TroubledExtremes, search_trouble
 from cpl.conformal.search._windows import WindowExtremes, search_windows, sweep_windows
 
 __all__ = [
     "ALPHAS",
     "RATIOS",
     "HighestQuantile",
+    "TroubledExtremes",
     "WindowExtremes",
     "highest_quantile_eventually_safe",
+    "search_trouble",
     "search_windows",
     "sweep_eventually_safe",
     "sweep_windows",
