@@ -16,6 +16,8 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
+from cpl import portable
+
 __all__ = ["bits_of", "float_of", "fma", "inlined", "inner", "kernel", "merged"]
 
 # Reference counting is switched off: kernels allocate nothing, and counting the references to
@@ -98,9 +100,14 @@ def _stamped(dispatcher: Any) -> Any:  # noqa: ANN401
 @cache
 def _sources_digest() -> str:
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    elsewhere = Path(portable.__file__)  # compiled into the kernels like their own modules
+    for path in [elsewhere, *sorted(Path(__file__).parent.glob("*.py"))]:
         source = path.read_bytes()
-        if b"cpl.highway._compile" in source or path.name == Path(__file__).name:
+        if (
+            path == elsewhere
+            or b"cpl.highway._compile" in source
+            or path.name == Path(__file__).name
+        ):
             digest.update(source)
     return digest.hexdigest()
 

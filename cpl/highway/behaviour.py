@@ -9,12 +9,10 @@ M. Treiber, D. Helbing, "General lane-changing model MOBIL", 2007.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from cpl.highway._compile import fma, inlined, merged
-from cpl.highway.exact import padded, pow_all
+from cpl.highway.exact import padded, pow_all, pow_one
 from cpl.highway.geometry import LANE_WIDTH, not_zero, reachable
 from cpl.highway.layout import Car, Scratch, Settings
 from cpl.highway.neighbours import find_front, find_rear, own_fronts
@@ -67,14 +65,14 @@ def speed_divisor(s: Settings, target_speed: float) -> float:
 
 
 @merged
-def act(car: Car, s: Settings, w: Scratch, fast: bool) -> tuple:
+def act(car: Car, s: Settings, w: Scratch, path: int) -> tuple:
     """Let every car choose its lane and acceleration for one frame.
 
     Args:
         car: The environment; target lanes and timers change.
         s: The settings.
         w: Working memory; `acceleration`, `steering` and `hit` are written.
-        fast: Whether to use the inlined maths.
+        path: Which arithmetic.
 
     Returns:
         How many cars have to steer (listed in `w.steering`), how many have to but so little that
@@ -82,7 +80,7 @@ def act(car: Car, s: Settings, w: Scratch, fast: bool) -> tuple:
         (in `w.hit`).
     """
     changing, tied = own_fronts(car, w, s.n, s.lanes)
-    _follow(car, s, w, fast)
+    _follow(car, s, w, path)
     steering = gentle = hit = 0
     for i in range(s.n):
         if car.crashed[i] | car.has_impact[i]:
@@ -93,7 +91,7 @@ def act(car: Car, s: Settings, w: Scratch, fast: bool) -> tuple:
             continue
         if i > 0:
             if s.lane_change:
-                changing = _choose_lane(car, s, w, i, changing, tied)
+                changing = _choose_lane(car, s, w, i, changing, tied, path)
             if car.lane[i] != car.target_lane[i]:
                 _follow_both(car, s, w, i, tied)
         need = _steering_need(car, i)
@@ -110,7 +108,7 @@ def act(car: Car, s: Settings, w: Scratch, fast: bool) -> tuple:
 
 
 @inlined
-def _follow(car: Car, s: Settings, w: Scratch, fast: bool) -> None:
+def _follow(car: Car, s: Settings, w: Scratch, path: int) -> None:
     """Every car's acceleration behind its own lane's front car, as one vector computation."""
     size = padded(s.n)
     for i in range(size):
@@ -119,7 +117,7 @@ def _follow(car: Car, s: Settings, w: Scratch, fast: bool) -> None:
         w.sideways[i] = v * car.sin[i]
         w.ratio[i] = (v if v > 0.0 else 0.0) / car.divisor[i]
     w.forward[s.n] = w.sideways[s.n] = 0.0
-    pow_all(w.ratio, car.delta, w.a, w.doubt, s.n, fast)
+    pow_all(w.ratio, car.delta, w.a, w.doubt, s.n, path)
     for i in range(size):
         v = car.speed[i]
         j = np.uint64(w.front[i])
@@ -169,9 +167,9 @@ def _steering_need(car: Car, i: int) -> int:
 
 
 @inlined
-def _free(car: Car, s: Settings, i: int, delta: float) -> float:
+def _free(car: Car, s: Settings, i: int, delta: float, path: int) -> float:
     """Acceleration of car i on an empty road, with the deciding driver's exponent."""
-    return s.comfort * (1 - math.pow(max(car.speed[i], 0.0) / car.divisor[i], delta))
+    return s.comfort * (1 - pow_one(max(car.speed[i], 0.0) / car.divisor[i], delta, path))
 
 
 @inlined
@@ -191,7 +189,9 @@ def _gap_term(car: Car, s: Settings, w: Scratch, i: int, j: int) -> float:
 
 
 @inlined
-def _choose_lane(car: Car, s: Settings, w: Scratch, i: int, changing: int, tied: bool) -> int:
+def _choose_lane(
+    car: Car, s: Settings, w: Scratch, i: int, changing: int, tied: bool, path: int
+) -> int:
     """Let car i change lanes, or give up a change; returns the number of changing cars."""
     lane = car.lane[i]
     target = car.target_lane[i]
@@ -217,7 +217,7 @@ def _choose_lane(car: Car, s: Settings, w: Scratch, i: int, changing: int, tied:
         if (
             0 <= side < s.lanes
             and reachable(car.x[i], car.y[i], side)
-            and _mobil(car, s, w, i, side, tied)
+            and _mobil(car, s, w, i, side, tied, path)
         ):
             car.target_lane[i] = side
     if car.target_lane[i] != lane:
@@ -227,7 +227,7 @@ def _choose_lane(car: Car, s: Settings, w: Scratch, i: int, changing: int, tied:
 
 
 @inlined
-def _mobil(car: Car, s: Settings, w: Scratch, i: int, side: int, tied: bool) -> bool:
+def _mobil(car: Car, s: Settings, w: Scratch, i: int, side: int, tied: bool, path: int) -> bool:
     """Whether driver i gains by changing to a lane without forcing its follower to brake."""
     n = s.n
     delta = car.delta[i]
@@ -238,7 +238,7 @@ def _mobil(car: Car, s: Settings, w: Scratch, i: int, side: int, tied: bool) -> 
     rear = find_rear(car, w, i, side, n, tied)
     rear_free = rear_after = 0.0
     if rear < n:
-        rear_free = _free(car, s, rear, delta)
+        rear_free = _free(car, s, rear, delta, path)
         rear_after = rear_free - _gap_term(car, s, w, rear, i)
         if rear_after < -s.max_imposed:
             return False
@@ -247,7 +247,7 @@ def _mobil(car: Car, s: Settings, w: Scratch, i: int, side: int, tied: bool) -> 
         old = find_rear(car, w, i, car.lane[i], n, tied)
         old_before = old_after = 0.0
         if old < n:
-            old_free = _free(car, s, old, delta)
+            old_free = _free(car, s, old, delta, path)
             old_before = old_free - _gap_term(car, s, w, old, i)
             old_after = old_free - _gap_term(car, s, w, old, w.front[i])
         gain += s.politeness * (rear_after - rear_before + old_after - old_before)

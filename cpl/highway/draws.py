@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 
+from cpl import portable
 from cpl.highway._compile import inner, kernel
 
 __all__ = ["bounded", "normal", "seed_many", "shuffled_place", "uniform"]
@@ -73,8 +74,8 @@ def shuffled_place(g: np.ndarray, top: int) -> np.int64:
 @inner
 def normal(g: np.ndarray) -> float:
     """Draw a standard normal number (Box-Muller; the project's own stream, not numpy's)."""
-    radius = math.sqrt(-2.0 * math.log(1.0 - uniform(g, 0.0, 1.0)))
-    return radius * math.cos(2.0 * math.pi * uniform(g, 0.0, 1.0))
+    radius = math.sqrt(-2.0 * portable.log(1.0 - uniform(g, 0.0, 1.0)))
+    return radius * portable.cos(2.0 * math.pi * uniform(g, 0.0, 1.0))
 
 
 @kernel

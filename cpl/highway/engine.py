@@ -14,9 +14,10 @@ from cpl.highway.paths import PATHS, active_path
 from cpl.highway.simulate import refresh_range, reset_range, step_range
 from cpl.highway.state import State, read_state, write_state
 
-__all__ = ["Engine", "Info", "Step"]
+__all__ = ["NOISE_KEY", "Engine", "Info", "Step"]
 
-_NOISE_KEY = 0x6F6273  # spawn key of the observation's stream: "obs" in ASCII
+NOISE_KEY = 0x6F6273
+"""Spawn key of the observation's stream: "obs" in ASCII."""
 
 
 class Info(NamedTuple):
@@ -72,7 +73,7 @@ class Engine:
             config: The road.
             n_envs: Number of environments [-].
             threads: Threads that share a step [-]; results do not depend on it.
-            path: "fast" or "portable" arithmetic; None takes `active_path()`.
+            path: One of `cpl.highway.paths.PATHS`, the arithmetic; None takes `active_path()`.
 
         Raises:
             ValueError: If an argument is of the wrong kind or out of range.
@@ -83,7 +84,7 @@ class Engine:
         self.n_envs = _positive("n_envs", n_envs)
         self.threads = min(_positive("threads", threads), self.n_envs)
         if path is not None and path not in PATHS:
-            raise ValueError(f"path must be one of {PATHS} or None, got {path!r}")
+            raise ValueError(f"path must be one of {tuple(PATHS)} or None, got {path!r}")
         self.path = path or active_path()
         self._memory = allocate(config, self.n_envs)
         self._settings = settings_of(config)  # counts and numbers
@@ -156,7 +157,7 @@ class Engine:
             *self._columns,
             chosen,
             *results,
-            self.path == "fast",
+            PATHS[self.path],
             *m,
         )
         self._run(lambda first, stop, w: step_range(first, stop, *w, *common))
@@ -182,7 +183,7 @@ class Engine:
             ValueError: Naming the array that has a wrong shape, kind or value; nothing is changed.
         """
         write_state(self._memory, self.config, state)
-        common = (*self._settings, *self._memory)
+        common = (PATHS[self.path], *self._settings, *self._memory)
         self._run(lambda first, stop, _: refresh_range(first, stop, *common))
 
     def _run(self, part) -> None:  # noqa: ANN001
@@ -194,7 +195,7 @@ class Engine:
 
     def _seed(self, seeds: np.ndarray, chosen: np.ndarray) -> None:
         seed_many(self._memory.generator, seeds, chosen, -1)
-        seed_many(self._memory.noise_generator, seeds, chosen, _NOISE_KEY)
+        seed_many(self._memory.noise_generator, seeds, chosen, NOISE_KEY)
 
     def _mask(self, mask: np.ndarray) -> np.ndarray:
         array = np.asarray(mask)

@@ -5,6 +5,10 @@ result is the rounding of something within a known fraction of an ulp of the tru
 number within that fraction rounds alike, both agree, and where not (or outside the fitted range)
 libm is called. Arrays are taken in blocks of eight so that they become vector instructions.
 
+There are three arithmetics. LIBM asks libm always, FAST where its result is in doubt, as above, and
+OWN never: it keeps the rounded sum, which the same operations give on every machine and in a
+browser, and which differs from libm's where libm rounds the other way, in the last bit.
+
 Nothing is copied from a libm: coefficients are fits to the functions, and the tables of the
 logarithm and the exponential are computed here in decimal arithmetic. The scheme of the power, one
 table for the logarithm and one for the exponential, is that of ARM's optimized-routines (MIT).
@@ -18,9 +22,27 @@ from fractions import Fraction
 
 import numpy as np
 
+from cpl import portable
 from cpl.highway._compile import bits_of, float_of, fma, inlined, kernel
 
-__all__ = ["BLOCK", "asin_all", "atan_all", "cos_all", "padded", "pow_all", "sin_all", "tan_all"]
+__all__ = [
+    "BLOCK",
+    "FAST",
+    "LIBM",
+    "OWN",
+    "asin_all",
+    "atan_all",
+    "cos_all",
+    "padded",
+    "pow_all",
+    "pow_one",
+    "sin_all",
+    "tan_all",
+]
+
+LIBM, FAST, OWN = 0, 1, 2
+"""The arithmetics. A number in doubt is marked 1 and one out of range 2: each of FAST and OWN asks
+again for what is marked by at least its own number."""
 
 BLOCK = 8
 """Arrays are padded to, and worked through in, this many numbers."""
@@ -46,6 +68,7 @@ _THIRD_REST = float(Fraction(1, 3) - Fraction(_THIRD))
 _ASIN_TOP = 0.35
 _TAN_TOP = 0.35
 _ATAN_TOP = 0.4
+_POW_LOW, _POW_HIGH, _POW_TOP = 1e-15, 1e15, 17.0  # x and y; the result is then far from both ends
 _SIN_TOP = 0.5
 
 
@@ -146,83 +169,83 @@ def _cos(x: float) -> tuple:
 
 
 @inlined
-def asin_all(x: np.ndarray, out: np.ndarray, doubt: np.ndarray, count: int, fast: bool) -> None:
+def asin_all(x: np.ndarray, out: np.ndarray, doubt: np.ndarray, count: int, path: int) -> None:
     """Write asin of x[:count]; x, out and doubt are padded to whole blocks."""
-    if not fast:
+    if path == LIBM:
         for k in range(count):
             out[k] = math.asin(x[k])
         return
     for k in range(padded(count)):
         value, doubtful = _asin(x[k])
         out[k] = value
-        doubt[k] = 1 if doubtful | (abs(x[k]) > _ASIN_TOP) else 0
+        doubt[k] = 2 if abs(x[k]) > _ASIN_TOP else 1 if doubtful else 0
     for k in range(count):
-        if doubt[k]:
-            out[k] = math.asin(x[k])
+        if doubt[k] >= path:
+            out[k] = math.asin(x[k]) if path == FAST else portable.asin(x[k])
 
 
 @inlined
-def tan_all(x: np.ndarray, out: np.ndarray, doubt: np.ndarray, count: int, fast: bool) -> None:
+def tan_all(x: np.ndarray, out: np.ndarray, doubt: np.ndarray, count: int, path: int) -> None:
     """Write tan of x[:count]; x, out and doubt are padded to whole blocks."""
-    if not fast:
+    if path == LIBM:
         for k in range(count):
             out[k] = math.tan(x[k])
         return
     for k in range(padded(count)):
         value, doubtful = _tan(x[k])
         out[k] = value
-        doubt[k] = 1 if doubtful | (abs(x[k]) > _TAN_TOP) else 0
+        doubt[k] = 2 if abs(x[k]) > _TAN_TOP else 1 if doubtful else 0
     for k in range(count):
-        if doubt[k]:
-            out[k] = math.tan(x[k])
+        if doubt[k] >= path:
+            out[k] = math.tan(x[k]) if path == FAST else portable.tan(x[k])
 
 
 @inlined
-def atan_all(x: np.ndarray, out: np.ndarray, doubt: np.ndarray, count: int, fast: bool) -> None:
+def atan_all(x: np.ndarray, out: np.ndarray, doubt: np.ndarray, count: int, path: int) -> None:
     """Write atan of x[:count]; x, out and doubt are padded to whole blocks."""
-    if not fast:
+    if path == LIBM:
         for k in range(count):
             out[k] = math.atan(x[k])
         return
     for k in range(padded(count)):
         value, doubtful = _atan(x[k])
         out[k] = value
-        doubt[k] = 1 if doubtful | (abs(x[k]) > _ATAN_TOP) else 0
+        doubt[k] = 2 if abs(x[k]) > _ATAN_TOP else 1 if doubtful else 0
     for k in range(count):
-        if doubt[k]:
-            out[k] = math.atan(x[k])
+        if doubt[k] >= path:
+            out[k] = math.atan(x[k]) if path == FAST else portable.atan(x[k])
 
 
 @inlined
-def sin_all(x: np.ndarray, out: np.ndarray, doubt: np.ndarray, count: int, fast: bool) -> None:
+def sin_all(x: np.ndarray, out: np.ndarray, doubt: np.ndarray, count: int, path: int) -> None:
     """Write sin of x[:count]; x, out and doubt are padded to whole blocks."""
-    if not fast:
+    if path == LIBM:
         for k in range(count):
             out[k] = math.sin(x[k])
         return
     for k in range(padded(count)):
         value, doubtful = _sin(x[k])
         out[k] = value
-        doubt[k] = 1 if doubtful | (abs(x[k]) > _SIN_TOP) else 0
+        doubt[k] = 2 if abs(x[k]) > _SIN_TOP else 1 if doubtful else 0
     for k in range(count):
-        if doubt[k]:
-            out[k] = math.sin(x[k])
+        if doubt[k] >= path:
+            out[k] = math.sin(x[k]) if path == FAST else portable.sin(x[k])
 
 
 @inlined
-def cos_all(x: np.ndarray, out: np.ndarray, doubt: np.ndarray, count: int, fast: bool) -> None:
+def cos_all(x: np.ndarray, out: np.ndarray, doubt: np.ndarray, count: int, path: int) -> None:
     """Write cos of x[:count]; x, out and doubt are padded to whole blocks."""
-    if not fast:
+    if path == LIBM:
         for k in range(count):
             out[k] = math.cos(x[k])
         return
     for k in range(padded(count)):
         value, doubtful = _cos(x[k])
         out[k] = value
-        doubt[k] = 1 if doubtful | (abs(x[k]) > _SIN_TOP) else 0
+        doubt[k] = 2 if abs(x[k]) > _SIN_TOP else 1 if doubtful else 0
     for k in range(count):
-        if doubt[k]:
-            out[k] = math.cos(x[k])
+        if doubt[k] >= path:
+            out[k] = math.cos(x[k]) if path == FAST else portable.cos(x[k])
 
 
 def _log_table() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -308,22 +331,34 @@ def _pow(x: float, y: float) -> tuple:
     bound = float_of(bits_of(scale) & _EXPONENT) * _SLACK_POW
     rest = scale * tail
     unsure = (scale + (rest - bound)) != (scale + (rest + bound))
-    return scale + rest, unsure | (abs(product) > 600.0)
+    return scale + rest, unsure
 
 
 @kernel
 def pow_all(
-    x: np.ndarray, y: np.ndarray, out: np.ndarray, doubt: np.ndarray, count: int, fast: bool
+    x: np.ndarray, y: np.ndarray, out: np.ndarray, doubt: np.ndarray, count: int, path: int
 ) -> None:
     """Write x[:count] ** y[:count], x >= 0; arrays are padded to whole blocks."""
-    if not fast:
+    if path == LIBM:
         for k in range(count):
             out[k] = math.pow(x[k], y[k])
         return
     for k in range(padded(count)):
         value, doubtful = _pow(x[k], y[k])
         out[k] = value
-        doubt[k] = 1 if doubtful | (x[k] < 1e-15) | (x[k] > 1e15) else 0
+        outside = (x[k] < _POW_LOW) | (x[k] > _POW_HIGH) | (y[k] > _POW_TOP)
+        doubt[k] = 2 if outside else 1 if doubtful else 0
     for k in range(count):
-        if doubt[k]:
-            out[k] = math.pow(x[k], y[k])
+        if doubt[k] >= path:
+            out[k] = math.pow(x[k], y[k]) if path == FAST else portable.power(x[k], y[k])
+
+
+@inlined
+def pow_one(x: float, y: float, path: int) -> float:
+    """Return x ** y, x >= 0: libm's, or the OWN arithmetic's."""
+    if path != OWN:
+        return math.pow(x, y)
+    if (x < _POW_LOW) | (x > _POW_HIGH) | (y > _POW_TOP):
+        return portable.power(x, y)
+    value, _ = _pow(x, y)
+    return value

@@ -27,7 +27,7 @@ _MAX_HEADING = math.pi / 4
 
 @merged
 def move(
-    car: Car, s: Settings, w: Scratch, steering: int, gentle: int, hit: int, fast: bool
+    car: Car, s: Settings, w: Scratch, steering: int, gentle: int, hit: int, path: int
 ) -> None:
     """Integrate every car over one frame, with the heading and speed before the frame.
 
@@ -38,11 +38,11 @@ def move(
         steering: Number of cars that steer.
         gentle: Number of cars that steer by less than a nanoradian.
         hit: Number of cars that have crashed or are pushed.
-        fast: Whether to use the inlined maths.
+        path: Which arithmetic.
     """
     if steering:
         _gather(car, w, steering)
-        _steer(w, steering, fast)
+        _steer(w, steering, path)
     _steer_gently(car, s, w, gentle)
     _drive_straight(car, s, w)
     for k in range(gentle):
@@ -50,7 +50,7 @@ def move(
         car.y[i], car.heading[i] = w.gentle_y[k], w.gentle_heading[k]
         car.sin[i] = car.heading[i]
     if steering:
-        _drive_curved(car, s, w, steering, fast)
+        _drive_curved(car, s, w, steering, path)
     for k in range(hit):
         _push(car, w.hit[k], s.lanes)
 
@@ -67,7 +67,7 @@ def _gather(car: Car, w: Scratch, count: int) -> None:
 
 
 @inlined
-def _steer(w: Scratch, count: int, fast: bool) -> None:
+def _steer(w: Scratch, count: int, path: int) -> None:
     """From lateral offsets in `w.a` to slip angles beta in `w.c`.
 
     Lateral offset -> lateral speed -> heading -> heading rate -> steering angle -> slip angle,
@@ -79,7 +79,7 @@ def _steer(w: Scratch, count: int, fast: bool) -> None:
         near_zero = 1e-2 if v >= 0.0 else -1e-2
         w.divisor[k] = v if abs(v) > 1e-2 else near_zero
         w.a[k] = _clip(-_KP_LATERAL * w.a[k] / w.divisor[k], 1.0)
-    asin_all(w.a, w.b, w.doubt, count, fast)
+    asin_all(w.a, w.b, w.doubt, count, path)
     wrapped = 0
     for k in range(size):
         shifted = _clip(w.b[k], _MAX_HEADING) - w.heading[k] + math.pi
@@ -90,17 +90,17 @@ def _steer(w: Scratch, count: int, fast: bool) -> None:
             w.c[k] = wrap_to_pi(_clip(w.b[k], _MAX_HEADING) - w.heading[k])
     for k in range(size):
         w.a[k] = _clip(_HALF_LENGTH / w.divisor[k] * (_KP_HEADING * w.c[k]), 1.0)
-    asin_all(w.a, w.b, w.doubt, count, fast)
-    tan_all(w.b, w.a, w.doubt, count, fast)
+    asin_all(w.a, w.b, w.doubt, count, path)
+    tan_all(w.b, w.a, w.doubt, count, path)
     for k in range(size):
         w.a[k] = 2 * w.a[k]
-    atan_all(w.a, w.b, w.doubt, count, fast)
+    atan_all(w.a, w.b, w.doubt, count, path)
     for k in range(size):
         w.b[k] = _clip(w.b[k], _MAX_STEERING)
-    tan_all(w.b, w.a, w.doubt, count, fast)
+    tan_all(w.b, w.a, w.doubt, count, path)
     for k in range(size):
         w.a[k] = 0.5 * w.a[k]
-    atan_all(w.a, w.c, w.doubt, count, fast)
+    atan_all(w.a, w.c, w.doubt, count, path)
 
 
 @inlined
@@ -133,21 +133,21 @@ def _drive_straight(car: Car, s: Settings, w: Scratch) -> None:
 
 
 @inlined
-def _drive_curved(car: Car, s: Settings, w: Scratch, count: int, fast: bool) -> None:
+def _drive_curved(car: Car, s: Settings, w: Scratch, count: int, path: int) -> None:
     """Move the cars that steer, by the slip angles in `w.c`."""
     size = padded(count)
     for k in range(size):
         w.divisor[k] = w.heading[k] + w.c[k]
-    cos_all(w.divisor, w.a, w.doubt, count, fast)
-    sin_all(w.divisor, w.b, w.doubt, count, fast)
+    cos_all(w.divisor, w.a, w.doubt, count, path)
+    sin_all(w.divisor, w.b, w.doubt, count, path)
     for k in range(size):
         w.x[k] += w.speed[k] * w.a[k] * s.dt
         w.y[k] += w.speed[k] * w.b[k] * s.dt
-    sin_all(w.c, w.a, w.doubt, count, fast)
+    sin_all(w.c, w.a, w.doubt, count, path)
     for k in range(size):
         w.heading[k] += w.speed[k] * w.a[k] / 2.5 * s.dt
-    cos_all(w.heading, w.a, w.doubt, count, fast)
-    sin_all(w.heading, w.b, w.doubt, count, fast)
+    cos_all(w.heading, w.a, w.doubt, count, path)
+    sin_all(w.heading, w.b, w.doubt, count, path)
     for k in range(count):
         i = np.uint64(w.steering[k])
         car.x[i], car.y[i], car.heading[i] = w.x[k], w.y[k], w.heading[k]

@@ -1,7 +1,11 @@
 """Which arithmetic runs: the fast path, or the portable one that asks libm for every function.
 
-Both give the same bits where the self-check below passes: a small batch is driven through both
-paths and compared with the digest that highway-env's own arithmetic (glibc, numpy's plain kernels)
+A third one, "own", never asks libm and gives the same bits on every machine, in a browser too; it
+is chosen by name only. Against highway-env it decides alike and differs in last bits
+(`tests/highway/test_own.py` counts them).
+
+The first two give the same bits where the self-check below passes: a small batch is driven through
+both and compared with the digest that highway-env's own arithmetic (glibc, numpy's plain kernels)
 gives. Where it fails, or where the processor has no fused multiply-add, the portable path runs: it
 follows the machine's own libm, as highway-env does there.
 """
@@ -19,15 +23,17 @@ import numpy as np
 
 from cpl.highway.config import Config
 from cpl.highway.draws import seed_many
+from cpl.highway.exact import FAST, LIBM, OWN
 from cpl.highway.layout import allocate, feature_table, settings_of, workspace
 from cpl.highway.simulate import reset_range, step_range
 
 __all__ = ["ENVIRONMENT_VARIABLE", "PATHS", "PathReport", "active_path", "path_report"]
 
 ENVIRONMENT_VARIABLE = "CPL_HIGHWAY_PATH"
-"""Set it to "fast" or "portable" to force a path, to "auto" (or nothing) for the self-check."""
+"""Set it to the name of a path to force it, to "auto" (or nothing) for the self-check."""
 
-PATHS = ("fast", "portable")
+PATHS = {"fast": FAST, "portable": LIBM, "own": OWN}
+"""The arithmetic behind each name."""
 
 _DIGEST = "16965d526d180dc6d406b67d57608d54b006faef103eee44b01c2a449f29314a"
 _CONFIG = Config(
@@ -37,7 +43,7 @@ _ENVS, _STEPS = 6, 12
 
 
 class PathReport(NamedTuple):
-    """The path that runs, "fast" or "portable", and a sentence that says why."""
+    """The path that runs, one of `PATHS`, and a sentence that says why."""
 
     path: str
     reason: str
@@ -47,7 +53,7 @@ def active_path() -> str:
     """Name the path that engines run on unless told otherwise.
 
     Returns:
-        "fast" or "portable".
+        One of `PATHS`.
 
     Raises:
         ValueError: If the environment variable asks for something else.
@@ -68,7 +74,9 @@ def path_report() -> PathReport:
     if wish in PATHS:
         return PathReport(wish, f"forced by {ENVIRONMENT_VARIABLE}")
     if wish != "auto":
-        raise ValueError(f"{ENVIRONMENT_VARIABLE} must be auto, fast or portable, got {wish!r}")
+        raise ValueError(
+            f"{ENVIRONMENT_VARIABLE} must be auto, fast, portable or own, got {wish!r}"
+        )
     return _self_check()
 
 
@@ -76,9 +84,9 @@ def path_report() -> PathReport:
 def _self_check() -> PathReport:
     if not _has_fused_multiply_add():
         return PathReport("portable", "this processor has no fused multiply-add")
-    if _drive(fast=False) != _DIGEST:
+    if _drive(LIBM) != _DIGEST:
         return PathReport("portable", "this machine's libm rounds differently from glibc's")
-    if _drive(fast=True) != _DIGEST:
+    if _drive(FAST) != _DIGEST:
         return PathReport("portable", "the fast path does not reproduce the stored digest here")
     return PathReport("fast", "both paths reproduce the stored digest")
 
@@ -89,7 +97,7 @@ def _has_fused_multiply_add() -> bool:
     return platform.machine().lower() in ("aarch64", "arm64")
 
 
-def _drive(*, fast: bool) -> str:
+def _drive(path: int) -> str:
     """Digest of a small batch's positions, headings, speeds and lanes after each of some steps."""
     digest = hashlib.sha256()
     memory, space = allocate(_CONFIG, _ENVS), workspace(_CONFIG)
@@ -103,7 +111,7 @@ def _drive(*, fast: bool) -> str:
     cars = _CONFIG.vehicles_count + 1
     for step in range(_STEPS):
         actions = (np.arange(_ENVS) * 3 + step * (step + 1) // 2) % 5
-        step_range(0, _ENVS, *space, *common, actions, *results, fast, *memory)
+        step_range(0, _ENVS, *space, *common, actions, *results, path, *memory)
         digest.update((memory.cars[:, :4, :cars] + 0.0).tobytes())  # minus zero counts as zero
         digest.update(memory.codes[:, :2, :cars].tobytes())
         digest.update(obs.tobytes())

@@ -10,9 +10,11 @@ import math
 
 import numpy as np
 
+from cpl import portable
 from cpl.highway._compile import kernel, merged
 from cpl.highway.behaviour import act, ego_action, speed_divisor
 from cpl.highway.collisions import collide
+from cpl.highway.exact import OWN
 from cpl.highway.layout import (
     Car,
     Memory,
@@ -78,7 +80,7 @@ def step_range(
     reward: np.ndarray,
     terms: np.ndarray,
     ended: np.ndarray,
-    fast: bool,
+    path: int,
     *memory: np.ndarray,
 ) -> None:
     """Advance the environments of [first, stop) by one decision."""
@@ -90,7 +92,7 @@ def step_range(
         m.time[e] += s.policy_dt
         ego_action(car, s, levels, m.speed_index, e, actions[e])
         for _ in range(s.frames):
-            frame(car, s, w, fast)
+            frame(car, s, w, path)
         m.steps[e] += s.frames
         observe(car, s, features, ranges, m.generator[e], m.noise_generator[e], nearest, obs[e])
         reward[e] = reward_terms(car, s, terms[e])
@@ -102,7 +104,7 @@ def step_range(
 
 @kernel
 def refresh_range(
-    first: int, stop: int, counts: np.ndarray, numbers: np.ndarray, *memory: np.ndarray
+    first: int, stop: int, path: int, counts: np.ndarray, numbers: np.ndarray, *memory: np.ndarray
 ) -> None:
     """Rebuild what is derived from a state: directions and the order along the road."""
     m = Memory(*memory)
@@ -110,17 +112,18 @@ def refresh_range(
     for e in range(first, stop):
         car = car_views(m.cars, m.codes, e)
         for i in range(s.n):
-            car.cos[i] = math.cos(car.heading[i])
-            car.sin[i] = math.sin(car.heading[i])
+            h = car.heading[i]
+            car.cos[i] = portable.cos(h) if path == OWN else math.cos(h)
+            car.sin[i] = portable.sin(h) if path == OWN else math.sin(h)
             car.divisor[i] = speed_divisor(s, car.target_speed[i])
             car.order[i] = i
         sort_cars(car.order, car.x, s.n)
 
 
 @merged
-def frame(car: Car, s: Settings, w: Scratch, fast: bool) -> None:
+def frame(car: Car, s: Settings, w: Scratch, path: int) -> None:
     """Advance one environment by one simulation frame."""
-    steering, gentle, hit = act(car, s, w, fast)
-    move(car, s, w, steering, gentle, hit, fast)
+    steering, gentle, hit = act(car, s, w, path)
+    move(car, s, w, steering, gentle, hit, path)
     sort_cars(car.order, car.x, s.n)
     collide(car, s, w)

@@ -13,8 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cpl.highway.paths import PATHS
-
 FIXTURES = Path(__file__).resolve().parent / "fixtures"
 STAGES = ("small", "long", "fast", "medium", "paper", "large", "options")
 INJECTED = ("injected", "crowded")
@@ -38,7 +36,7 @@ def compare(oracle, rows, arrays, first, what):
         np.testing.assert_array_equal(table[name], arrays[name][first : first + len(rows)], what)
 
 
-@pytest.fixture(params=PATHS)
+@pytest.fixture(params=("fast", "portable"))
 def path(request):
     """Both of the engine's arithmetics, whichever it would choose here."""
     return request.param
