@@ -1,7 +1,4 @@
-"""The multilayer perceptron that everything learned here is: weights, inference, its stored form.
-
-Training needs torch or a compiled learner; using what was trained needs numpy only.
-"""
+"""Weights, inference and the stored form of a multilayer perceptron."""
 
 from __future__ import annotations
 
