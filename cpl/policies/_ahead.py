@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from cpl.conformal import BatchTracker, Rule
 from cpl.forecast.history import History
-from cpl.highway import Config, Engine, nearest_distances
-from cpl.highway.proximity import proximity
+from cpl.highway import Config, Engine
+from cpl.highway.distances import nearest_proximities
 from cpl.policies.switch import Bools, Floats, Ints
 
 __all__ = ["Ahead", "Forecast", "Tracking"]
@@ -78,7 +78,7 @@ class Ahead:
         self._history.push(obs)
         begun = step == 0
         if begun.any():
-            self.l_tilde = np.where(begun, _near(engine), self.l_tilde)
+            self.l_tilde = np.where(begun, nearest_proximities(engine), self.l_tilde)
 
     def guess(self, step: Ints) -> tuple[Floats, Floats, Bools]:
         """Forecast, and say what is added to the forecast and where there is one."""
@@ -95,7 +95,7 @@ class Ahead:
 
     def learn(self, engine: Engine, step: Ints, active: Bools) -> tuple[Bools, Bools]:
         """Feed back the scores that are known now; return which roads had one and who missed."""
-        self.l_tilde = _near(engine)
+        self.l_tilde = nearest_proximities(engine)
         self._truth[self._all, step % self._size] = self.l_tilde
         made = step - self._delay
         known = active & (made >= self._length - 1)
@@ -117,7 +117,3 @@ class Ahead:
         self._history.reset(ended)
         if self._trackers is not None and self._tracking is not None and not self._tracking.carry:
             self._trackers.reset(ended)
-
-
-def _near(engine: Engine) -> Floats:
-    return np.asarray(proximity(nearest_distances(engine)), np.float64)

@@ -41,6 +41,7 @@ def drive(
     length: int = 5,
     n_envs: int = 256,
     record: bool = False,
+    path: str | None = None,
 ) -> Rides:
     """Drive one episode for each setting and seed.
 
@@ -56,6 +57,7 @@ def drive(
         length: Observations in a history.
         n_envs: Roads driven at a time; with `carry` there is one a setting and stream.
         record: Whether every step is returned too.
+        path: The engine's arithmetic; "own" for the same bits on every machine.
 
     Returns:
         The rides.
@@ -75,7 +77,7 @@ def drive(
         )
     streams = tracking.streams if tracking is not None and tracking.carry else None
     plan = Plan(settings, len(numbers), n_envs, streams)
-    engine = Engine(road, plan.roads)
+    engine = Engine(road, plan.roads, path=path)
     log = Log(settings, numbers, plan.roads, record)
     ahead = Ahead(plan.roads, forecast, tracking, horizon=horizon, length=length, road=road)
     obs = engine.reset(numbers[plan.episode])
