@@ -25,7 +25,7 @@ course: $(ENV) .venv/.course  ## build both editions of the course, its labs and
 test: $(ENV)  ## run every test and gate, without network or browser
 	@$(BIN)/python -m pytest -n 2 --cov=cpl.conformal --cov-branch --cov-report= --cov-fail-under=95
 
-check: $(SITE) .venv/.browser  ## run the long suites: oracle, faults, rehearsal, browser
+check: $(SITE) .venv/.browser .venv/.wasm  ## run the long suites: oracle, faults, rehearsal, browser
 	@$(BIN)/python -m pytest -n 2 -m "oracle or faults or rehearsal" --ignore tests/robot
 	@$(BIN)/python -m pytest -m "oracle or faults or rehearsal" tests/robot
 	@$(BIN)/python -m pytest -m browser -n 2 tests/browser

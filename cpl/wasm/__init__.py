@@ -1,0 +1,10 @@
+"""The road as one WebAssembly module: the native engine's kernels, where numba does not run.
+
+`cpl.wasm.lower` compiles the kernels of the road, the tracker's loop and the networks' forward pass
+through LLVM; `python -m cpl.wasm` writes the module to `data/wasm/`, from where the book takes it.
+It runs on the engine's own arithmetic (`cpl.highway.paths`), which gives the same bits everywhere.
+"""
+
+from cpl.wasm.artefact import MODULE, make, module_bytes, stale
+
+__all__ = ["MODULE", "make", "module_bytes", "stale"]

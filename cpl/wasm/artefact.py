@@ -1,0 +1,77 @@
+"""The module as it is shipped, with a note of what it was made of."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from importlib.metadata import version
+from pathlib import Path
+
+from cpl.store import atomic_write, data_path, project_root
+from cpl.store.source import module_digests
+
+__all__ = ["MODULE", "make", "module_bytes", "sources", "stale"]
+
+MODULE = data_path("wasm", "road.wasm")
+_NOTE = MODULE.with_suffix(".json")
+_TOOLS = ("numba", "llvmlite", "ziglang")
+
+
+def sources() -> dict[str, str]:
+    """Digest every module whose code is compiled in, by name; comments and layout do not count."""
+    root = project_root()
+    digests = module_digests("cpl.wasm._exports", "cpl.wasm.lower")
+    return {name: digest for name, digest in digests.items() if _compiled(root, name)}
+
+
+def make() -> bytes:
+    """Compile the module and write it with its note.
+
+    Returns:
+        The module.
+
+    Raises:
+        ImportError: If the extra `wasm` is not installed.
+        RuntimeError: If a step fails.
+    """
+    from cpl.wasm.lower import build
+
+    content = build()
+    note = {
+        "sha256": hashlib.sha256(content).hexdigest(),
+        "bytes": len(content),
+        "versions": {name: version(name) for name in _TOOLS},
+        "sources": sources(),
+    }
+    atomic_write(MODULE, content)
+    atomic_write(_NOTE, json.dumps(note, indent=1) + "\n")
+    return content
+
+
+def module_bytes() -> bytes:
+    """Read the shipped module.
+
+    Raises:
+        ValueError: If it is not the one that the note speaks of.
+    """
+    content, note = MODULE.read_bytes(), json.loads(_NOTE.read_text())
+    if hashlib.sha256(content).hexdigest() != note["sha256"]:
+        raise ValueError(
+            f"{MODULE.name} must have the digest in its note, {note['sha256'][:12]}..."
+        )
+    return content
+
+
+def stale() -> list[str]:
+    """Name the modules whose code has changed since the shipped module was made."""
+    then, now = json.loads(_NOTE.read_text())["sources"], sources()
+    return sorted(name for name in then.keys() | now.keys() if then.get(name) != now.get(name))
+
+
+def _compiled(root: Path, name: str) -> bool:
+    """Whether a module of the closure holds code that numba compiles."""
+    path = root.joinpath(*name.split("."))
+    file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    text = file.read_text(encoding="utf-8")
+    compiled = "njit(" in text or "cpl.highway._compile import" in text
+    return name != __name__ and (compiled or name.startswith("cpl.wasm."))
