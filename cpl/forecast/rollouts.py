@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from typing import Literal
 
@@ -11,12 +11,10 @@ from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from cpl.forecast.errors import NoRolloutsError
-from cpl.highway import Config, Engine, nearest_distances
+from cpl.highway import Config, Decision, Engine, Plan, Policy, episodes, nearest_distances
 from cpl.highway.proximity import proximity
 
 __all__ = ["Rollouts", "collect", "join"]
-
-Policy = Callable[[NDArray[np.float32]], NDArray[np.integer]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,31 +116,26 @@ def collect(
     todo = np.asarray(seeds, np.int64)
     if todo.ndim != 1 or not len(todo):
         raise NoRolloutsError(f"seeds must name at least one episode, got {seeds!r}")
-    engine = Engine(road, min(n_envs, len(todo)))
+    plan = Plan(len(todo), n_envs)
+    engine = Engine(road, plan.roads)
     kept = _empty(road, len(todo), number)
-    slots, time = np.arange(engine.n_envs), np.zeros(engine.n_envs, np.int64)
-    obs, following = engine.reset(todo[slots]), engine.n_envs
-    _keep(kept, slots, time, obs, engine, cars)
-    while (slots >= 0).any():
-        out = engine.step(policy(obs))
-        obs, live = out.obs, slots >= 0
-        time += 1
-        kept.speed[slots[live], time[live]] = out.info.speed[live]
-        ended = live & (out.terminated | out.truncated)
-        kept.steps[slots[ended]] = time[ended]
-        kept.crashed[slots[ended]] = out.terminated[ended]
-        _keep(kept, slots, time, obs, engine, cars)
-        if ended.any():
-            slots[ended] = -1  # it drives on, unseen, unless an episode is left
-            again = np.flatnonzero(ended)[: len(todo) - following]
-            slots[again] = following + np.arange(len(again))
-            following += len(again)
-            if len(again):
-                fresh = np.isin(np.arange(engine.n_envs), again)
-                first = engine.reset(np.where(fresh, todo[np.maximum(slots, 0)], 0), fresh)
-                obs = np.where(fresh[:, None, None], first, obs)
-                time[fresh] = 0
-                _keep(kept, np.where(fresh, slots, -1), time, obs, engine, cars)
+
+    def keep(which: NDArray[np.bool_], step: NDArray[np.int64], obs: NDArray[np.float32]) -> None:
+        at = plan.episode[which], step[which]
+        kept.obs[at] = obs[which].reshape(len(at[0]), -1)
+        kept.l_tilde[at] = proximity(nearest_distances(engine, cars)[which])
+
+    def act(now: Decision) -> NDArray[np.integer]:
+        if now.began.any():
+            keep(now.began, now.step, now.obs)
+        return policy(now.obs)
+
+    for turn in episodes(engine, act, todo, plan):
+        out, active, ended = turn.out, turn.active, plan.episode[turn.ended]
+        keep(active, turn.step, out.obs)
+        kept.speed[plan.episode[active], turn.step[active]] = out.info.speed[active]
+        kept.steps[ended] = turn.step[turn.ended]
+        kept.crashed[ended] = out.terminated[turn.ended]
     return kept
 
 
@@ -172,17 +165,3 @@ def _empty(road: Config, episodes: int, number: int) -> Rollouts:
         crashed=np.zeros(episodes, np.bool_),
         policy=np.full(episodes, number, np.int64),
     )
-
-
-def _keep(
-    kept: Rollouts,
-    slots: NDArray[np.int64],
-    time: NDArray[np.int64],
-    obs: NDArray[np.float32],
-    engine: Engine,
-    cars: Literal["all", "observed"],
-) -> None:
-    live = slots >= 0
-    at = slots[live], time[live]
-    kept.obs[at] = obs[live].reshape(len(at[0]), -1)
-    kept.l_tilde[at] = proximity(nearest_distances(engine, cars)[live])

@@ -8,6 +8,7 @@ from cpl.highway.config import FEATURES, PAPER, Config
 from cpl.highway.distances import nearest_distances
 from cpl.highway.engine import Engine, Info, Step
 from cpl.highway.env import ACTIONS, HighwayEnv, register
+from cpl.highway.episodes import Decision, Plan, Turn, episodes
 from cpl.highway.options import RENDER_OPTIONS, change_config, highway_env_options, make_config
 from cpl.highway.paths import PathReport, active_path, path_report
 from cpl.highway.render import Renderer
@@ -22,19 +23,23 @@ __all__ = [
     "PAPER",
     "RENDER_OPTIONS",
     "Config",
+    "Decision",
     "Engine",
     "HighwayEnv",
     "HighwayVectorEnv",
     "Info",
     "PathReport",
+    "Plan",
     "Policy",
     "Renderer",
     "Replay",
     "State",
     "Step",
     "Transition",
+    "Turn",
     "active_path",
     "change_config",
+    "episodes",
     "export_replay",
     "highway_env_options",
     "make_config",

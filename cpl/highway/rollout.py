@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from cpl.highway.config import Config
 from cpl.highway.engine import Engine, Step
+from cpl.highway.episodes import Decision, Plan, Turn, episodes
 from cpl.highway.state import State
 
 if TYPE_CHECKING:
@@ -57,24 +57,17 @@ def rollout(
         >>> step.obs_t.shape, step.terminated_t.tolist()
         ((2, 5, 5), [False, False])
     """
-    obs = engine.reset(None if seeds is None else np.asarray(seeds, dtype=np.int64))
-    while True:
-        action = np.asarray(policy(obs))
-        out = engine.step(action)
-        step = Transition(
-            obs_tm1=obs,
-            action_tm1=action,
+    numbers = None if seeds is None else np.asarray(seeds, dtype=np.int64)
+    for turn in episodes(engine, lambda now: np.asarray(policy(now.obs)), numbers):
+        out = turn.out
+        yield Transition(
+            obs_tm1=turn.obs_tm1,
+            action_tm1=turn.action_tm1,
             reward_t=out.reward,
             obs_t=out.obs,
             terminated_t=out.terminated,
             truncated_t=out.truncated,
         )
-        yield step
-        ended = step.terminated_t | step.truncated_t
-        obs = step.obs_t
-        if ended.any():
-            first = engine.reset(None, ended)
-            obs = np.where(ended[:, None, None], first, step.obs_t)
 
 
 def run_episodes(
@@ -118,32 +111,23 @@ def run_episodes(
         raise ValueError(f"seeds must be a list of at least one seed, got {seeds!r}")
     if n_envs < 1:
         raise ValueError(f"n_envs must be at least 1, got {n_envs}")
-    engine = Engine(config, min(n_envs, len(todo)))
-    slots = np.arange(engine.n_envs)  # which episode each environment drives
-    rows: dict[int, dict[str, object]] = {}
-    obs = engine.reset(todo[slots])
+    plan = Plan(len(todo), n_envs)
+    engine = Engine(config, plan.roads)
     tally = _Tally(engine)
-    following = engine.n_envs
-    while len(rows) < len(todo):
-        out = engine.step(np.asarray(policy(obs)))
-        obs = out.obs
-        tally.add(out)
-        ended = np.flatnonzero((out.terminated | out.truncated) & (slots >= 0))
-        if not len(ended):
-            continue
-        state = engine.state()
-        for e in ended.tolist():
-            rows[int(slots[e])] = {"seed": int(todo[slots[e]]), **tally.row(e, out, state)}
-        slots[ended] = -1  # it drives on, uncounted, unless an episode is left
-        again = np.zeros(engine.n_envs, dtype=np.bool_)
-        again[ended[: len(todo) - following]] = True
-        if again.any():
-            slots[again] = following + np.arange(again.sum())
-            following += int(again.sum())
-            first = engine.reset(np.where(again, todo[slots], 0), again)
-            obs = np.where(again[:, None, None], first, obs)
-            tally.begin(again)
-    return pd.DataFrame([rows[number] for number in range(len(todo))])
+
+    def act(now: Decision) -> NDArray[np.integer]:
+        tally.begin(now.began)
+        return np.asarray(policy(now.obs))
+
+    rows: dict[int, dict[str, object]] = {}
+    for turn in episodes(engine, act, todo, plan):
+        tally.add(turn.out)
+        if turn.ended.any():
+            state = engine.state()
+            for road in np.flatnonzero(turn.ended).tolist():
+                episode = int(plan.episode[road])
+                rows[episode] = {"seed": int(todo[episode]), **tally.row(road, turn, state)}
+    return pd.DataFrame([rows[episode] for episode in range(len(todo))])
 
 
 class _Tally:
@@ -151,36 +135,33 @@ class _Tally:
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
-        self._steps = np.zeros(engine.n_envs, dtype=np.int64)
         self._speed_sum = np.zeros(engine.n_envs)
         self._reward_sum = np.zeros(engine.n_envs)
-        self._first = engine.state()
+        self._first = engine.state().x
 
-    def begin(self, chosen: NDArray[np.bool_]) -> None:
-        for total in (self._steps, self._speed_sum, self._reward_sum):
-            total[chosen] = 0
-        state = self._engine.state()
-        self._first = replace(self._first, x=np.where(chosen[:, None], state.x, self._first.x))
+    def begin(self, began: NDArray[np.bool_]) -> None:
+        if began.any():
+            self._speed_sum[began] = self._reward_sum[began] = 0
+            self._first = np.where(began[:, None], self._engine.state().x, self._first)
 
     def add(self, out: Step) -> None:
-        self._steps += 1
         self._speed_sum += out.info.speed
         self._reward_sum += out.reward
 
-    def row(self, e: int, out: Step, state: State) -> dict[str, object]:
-        steps, speed_sum = int(self._steps[e]), float(self._speed_sum[e])
-        crashed = bool(out.info.crashed[e])
+    def row(self, e: int, turn: Turn, state: State) -> dict[str, object]:
+        info = turn.out.info
+        steps, speed_sum = int(turn.step[e]), float(self._speed_sum[e])
+        crashed = bool(info.crashed[e])
         counted = steps - crashed
-        before = (speed_sum - out.info.speed[e] * crashed) / counted if counted else np.nan
-        ahead_first = self._first.x[e, 1:] > self._first.x[e, 0]
-        ahead_last = state.x[e, 1:] > state.x[e, 0]
+        before = (speed_sum - info.speed[e] * crashed) / counted if counted else np.nan
+        first, last = self._first[e], state.x[e]
         return {
             "steps": steps,
             "duration_s": steps / self._engine.config.policy_frequency,
             "crashed": crashed,
             "episode_mean_speed_mps": speed_sum / steps,
             "mean_speed_before_crash_mps": float(before),
-            "distance_m": float(state.x[e, 0] - self._first.x[e, 0]),
-            "overtaken": int(ahead_first.sum() - ahead_last.sum()),
+            "distance_m": float(last[0] - first[0]),
+            "overtaken": int((first[1:] > first[0]).sum() - (last[1:] > last[0]).sum()),
             "episode_return": float(self._reward_sum[e]),
         }

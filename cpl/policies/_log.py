@@ -1,17 +1,17 @@
-"""Which road drives which episode, and what is written down of it."""
+"""What is written down of the episodes that are driven."""
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from cpl.highway import Plan
 from cpl.policies.switch import Bools, Floats, Ints, Moment
 
-__all__ = ["Log", "Plan", "Rides"]
+__all__ = ["Log", "Rides"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,41 +31,6 @@ class Rides:
 
     episodes: pd.DataFrame
     steps: pd.DataFrame | None = None
-
-
-class Plan:
-    """Which road drives which episode of which setting, and what comes after it.
-
-    Streams that are carried on keep to their road, in the order of the seeds; else the next
-    episode goes to the next road that is free.
-    """
-
-    def __init__(self, settings: int, episodes: int, n_envs: int, streams: int | None) -> None:
-        jobs = [(k, e) for e in range(episodes) for k in range(settings)]
-        if streams is not None:
-            streams = min(streams, episodes)
-            self.roads = settings * streams
-            queues: list[deque[tuple[int, int]]] = [deque() for _ in range(self.roads)]
-            for k, e in jobs:
-                queues[k * streams + e % streams].append((k, e))
-        else:
-            self.roads = min(n_envs, len(jobs))
-            queues = [deque(jobs)] * self.roads  # one queue for all
-        self._queues = queues
-        self.setting = np.zeros(self.roads, dtype=np.int64)
-        self.episode = np.zeros(self.roads, dtype=np.int64)
-        self.active = np.ones(self.roads, dtype=np.bool_)
-        self.next(self.active)
-
-    def next(self, ended: Bools) -> Bools:
-        """Hand out the next episodes; return which roads got one."""
-        again = np.zeros(self.roads, dtype=np.bool_)
-        for e in np.flatnonzero(ended).tolist():
-            if self._queues[e]:
-                self.setting[e], self.episode[e] = self._queues[e].popleft()
-                again[e] = True
-        self.active = self.active & (~ended | again)
-        return again
 
 
 _SUMS = ("speed_sum", "safe_steps", "changes", "u_sum", "u_steps", "scored", "missed")

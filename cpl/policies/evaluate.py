@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cpl.highway import Config, Engine, Policy
-from cpl.policies._ahead import Ahead, Forecast, Tracking
-from cpl.policies._log import Log, Plan, Rides
+from cpl.highway import Config, Policy
+from cpl.policies._driving import Driving
+from cpl.policies._log import Rides
+from cpl.policies._tracked import Forecast, Tracking
 from cpl.policies.switch import Bools, Chooser, Ints, Moment
 
 __all__ = ["Drivers", "Forecast", "Rides", "Tracking", "drive"]
@@ -65,57 +66,18 @@ def drive(
     Raises:
         ValueError: If there is nothing to drive, or a score is wanted before it can be known.
     """
-    numbers = np.asarray(seeds, dtype=np.int64)
-    if numbers.ndim != 1 or numbers.size == 0 or settings < 1 or n_envs < 1:
-        raise ValueError(
-            f"seeds, settings and n_envs must be at least one, got {numbers.size},"
-            f" {settings!r} and {n_envs!r}"
-        )
-    if tracking is not None and (forecast is None or tracking.delay < horizon):
-        raise ValueError(
-            f"tracking must have a forecast and a delay >= the horizon {horizon}, got {tracking!r}"
-        )
-    streams = tracking.streams if tracking is not None and tracking.carry else None
-    plan = Plan(settings, len(numbers), n_envs, streams)
-    engine = Engine(road, plan.roads, path=path)
-    log = Log(settings, numbers, plan.roads, record)
-    ahead = Ahead(plan.roads, forecast, tracking, horizon=horizon, length=length, road=road)
-    obs = engine.reset(numbers[plan.episode])
-    start_x = engine.state().x[:, 0]
-    step = np.zeros(plan.roads, dtype=np.int64)
-    ahead.see(obs, engine, step)
-    while plan.active.any():
-        l_hat, u, ready = ahead.guess(step)
-        moment = Moment(
-            setting=plan.setting,
-            episode=plan.episode,
-            step=step,
-            obs=obs,
-            l_hat=l_hat,
-            u=u,
-            ready=ready,
-            engine=engine,
-        )
+    driving = Driving(
+        road, seeds, settings=settings, forecast=forecast, tracking=tracking, horizon=horizon,
+        length=length, n_envs=n_envs, record=record, path=path,
+    )  # fmt: skip
+
+    def decide(moment: Moment, _began: Bools) -> tuple[Bools, Ints]:
         safe = chooser(moment)
-        log.decide(plan, moment, safe, ahead.l_tilde)
-        out = engine.step(_actions(drivers, safe, obs))
-        obs, step = out.obs, step + plan.active  # a road without an episode stands still
-        log.score(*ahead.learn(engine, step, plan.active))
-        log.speeds(out.info.speed)
-        ended = (out.terminated | out.truncated) & plan.active
-        if ended.any():
-            x = engine.state().x
-            log.end(plan, ended, step, out.info.crashed, x, start_x, ahead.l_tilde)
-            again = plan.next(ended)
-            if again.any():
-                first = engine.reset(np.where(again, numbers[plan.episode], 0), again)
-                obs = np.where(again[:, None, None], first, obs)
-                start_x = np.where(again, engine.state().x[:, 0], start_x)
-                step = np.where(again, 0, step)
-                log.begin(again)
-        ahead.forget(ended)
-        ahead.see(obs, engine, step)
-    return log.rides()
+        return safe, _actions(drivers, safe, moment.obs)
+
+    for _ in driving.turns(decide):
+        pass
+    return driving.rides()
 
 
 def _actions(drivers: Drivers, safe: Bools, obs: NDArray[np.float32]) -> Ints:

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from cpl.experiments.gate.streams import WORLDS, Roads
+from cpl.experiments.gate.streams import WORLDS, Roads, turns
 from cpl.experiments.gate.study import values
 from cpl.experiments.quadruped.quadruped_logs import digest
 from cpl.experiments.run.need import Inputs, Need
@@ -134,15 +134,15 @@ def _errors(config: Config, speed, world: str, seed: int) -> tuple[Floats, Ints]
     n = config.episodes
     roads = Roads(np.full(n, world), seed + np.arange(n))
     gate = Gate(PAPER, n, Constant(config.margin, n))
-    obs, active = roads.reset(), np.ones(n, np.bool_)
     gate.begin(levels=roads.levels)
     errors, known = np.zeros((n, _STEPS)), np.zeros((n, _STEPS), np.bool_)
-    for t in range(_STEPS):
-        actions = gate(obs, speed(obs), active)
+
+    def act(obs: NDArray[np.float32], active: NDArray[np.bool_]) -> Ints:
+        return gate(obs, speed(obs), active)
+
+    for t, _ in enumerate(turns(roads, act, _STEPS)):
         if gate.sight is not None:
             errors[:, t], known[:, t] = gate.sight.outcome.errors[:, -1], gate.sight.scored
-        obs, _, crashed = roads.step(actions)
-        active &= ~crashed
     return errors[known], np.repeat(np.arange(n), known.sum(axis=1))
 
 

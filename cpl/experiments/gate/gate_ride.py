@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from cpl.experiments.gate.streams import WORLDS, Roads
+from cpl.experiments.gate.streams import WORLDS, Roads, turns
 from cpl.experiments.gate.study import quantile, values
 from cpl.experiments.run.need import Inputs, Need
 from cpl.experiments.run.shard import Shard
@@ -119,16 +119,13 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs | None = None) -> pd.
 
 def _episode(config: Config, gate: Gate, world: str, seed: int, inputs: Inputs | None):  # noqa: ANN202
     roads = Roads(np.array([world, world]), np.array([seed, seed]))
-    obs, active = roads.reset(), np.ones(2, np.bool_)
     gate.begin(levels=roads.levels)
-    for step in range(_STEPS):
-        actions = gate(obs, _liked(config, inputs, obs), active)
-        before = obs
-        obs, _, crashed = roads.step(actions)
-        yield _rows(gate, before, step, active, crashed)
-        active = active & ~crashed
-        if not active.any():
-            return
+
+    def act(obs: NDArray[np.float32], active: NDArray[np.bool_]) -> NDArray[np.integer]:
+        return gate(obs, _liked(config, inputs, obs), active)
+
+    for step, turn in enumerate(turns(roads, act, _STEPS)):
+        yield _rows(gate, turn.obs_tm1, step, turn.active, turn.out.info.crashed)
 
 
 def _liked(config: Config, inputs: Inputs | None, obs: NDArray[np.float32]) -> NDArray[np.floating]:

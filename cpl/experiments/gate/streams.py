@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from cpl.highway import PAPER, Config, Engine
+from cpl.highway import PAPER, Config, Engine, Info, Plan, Step, Turn, episodes
 from cpl.policies.gate import Gate, Sight
 from cpl.rng import stream
 
-__all__ = ["WORLDS", "Driver", "Gated", "Roads", "World", "drive", "schedule"]
+__all__ = ["WORLDS", "Driver", "Gated", "Roads", "World", "drive", "schedule", "turns"]
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -103,20 +104,22 @@ class Roads:
     """The roads of one round: each row drives in its stream's world."""
 
     def __init__(self, worlds: NDArray[np.str_], seeds: Ints) -> None:
-        self.worlds, self.n = worlds, len(worlds)
+        self.worlds, self.n_envs = worlds, len(worlds)
         self.parts: list[tuple[World, Ints, Engine]] = []
-        self.levels = np.empty((self.n, 3))
-        self._seeds = seeds
+        self.levels = np.empty((self.n_envs, 3))
         for name in sorted(set(worlds.tolist())):
             rows, world = np.flatnonzero(worlds == name), WORLDS[name]
             self.levels[rows] = world.road.target_speeds
             self.parts.append((world, rows, Engine(world.road, rows.size)))
         self.step_number = 0
+        self._seeds = seeds
         self._until: dict[int, Any] = {}
 
-    def reset(self) -> NDArray[np.float32]:
-        """Begin the round's episodes."""
-        obs = np.empty((self.n, 5, 5), np.float32)
+    def reset(self, seeds: Ints | None = None, mask: Bools | None = None) -> NDArray[np.float32]:
+        """Begin the round's episodes, all at once and with its own seeds."""
+        if seeds is not None or mask is not None:
+            raise ValueError(f"a round begins whole, got seeds {seeds!r} and mask {mask!r}")
+        obs = np.empty((self.n_envs, 5, 5), np.float32)
         for k, (world, rows, engine) in enumerate(self.parts):
             obs[rows] = engine.reset(self._seeds[rows])
             if world.braking:
@@ -124,17 +127,31 @@ class Roads:
                 self._until[k] = np.zeros((rows.size, cars), np.int64), engine.state().target_speed
         return self._noisy(obs)
 
-    def step(self, actions: Ints) -> tuple[NDArray[np.float32], Floats, Bools]:
-        """Take one decision: observations, speeds and who has crashed."""
-        obs = np.empty((self.n, 5, 5), np.float32)
-        speed, crashed = np.empty(self.n), np.empty(self.n, np.bool_)
+    def step(self, actions: NDArray[np.integer]) -> Step:
+        """Take one decision; only a crash ends an episode."""
+        outs: list[Step] = []
         for k, (world, rows, engine) in enumerate(self.parts):
             if world.braking:
                 self._brake(k, world, rows, engine)
-            out = engine.step(actions[rows])
-            obs[rows], speed[rows], crashed[rows] = out.obs, out.info.speed, out.info.crashed
+            outs.append(engine.step(actions[rows]))
         self.step_number += 1
-        return self._noisy(obs), speed, crashed
+        info = Info(
+            *(self._joined(values) for values in zip(*(out.info for out in outs), strict=True))
+        )
+        return Step(
+            obs=self._noisy(self._joined([out.obs for out in outs])),
+            reward=self._joined([out.reward for out in outs]),
+            terminated=info.crashed,
+            truncated=np.zeros(self.n_envs, np.bool_),
+            info=info,
+        )
+
+    def _joined(self, values: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        """Put what the worlds say into the order of the rows."""
+        joined = np.empty((self.n_envs, *values[0].shape[1:]), values[0].dtype)
+        for (_, rows, _), value in zip(self.parts, values, strict=True):
+            joined[rows] = value
+        return joined
 
     def _uniform(self, rows: Ints, name: str, size: int) -> Floats:
         """Numbers that depend on seed and step, not on who drives."""
@@ -230,6 +247,20 @@ class Gated:
         return self.gate.sight
 
 
+def turns(
+    roads: Roads, act: Callable[[NDArray[np.float32], Bools], Ints], steps: int
+) -> Iterator[Turn]:
+    """Drive a round: one episode a row, at most so many decisions.
+
+    Args:
+        roads: The round's roads.
+        act: From observations (n, 5, 5) and which rows still drive (n,) to actions (n,).
+        steps: Decisions of an episode that does not crash.
+    """
+    plan = Plan(roads.n_envs, roads.n_envs)
+    return islice(episodes(roads, lambda now: act(now.obs, plan.active), None, plan), steps)
+
+
 _SUMS = ("speed_sum", "margin_sum", "scored", "missed", "changed", "error_sum")
 
 
@@ -255,35 +286,13 @@ def drive(
     """
     streams, rounds = worlds.shape
     names = [name for driver in drivers for name in driver.names]
-    rows, blocks = len(names) * streams, []
-    start = 0
-    for driver in drivers:
-        blocks.append(slice(start, start + len(driver.names) * streams))
-        start = blocks[-1].stop
+    ends = np.cumsum([len(driver.names) * streams for driver in drivers]).tolist()
+    blocks = [slice(first, stop) for first, stop in zip([0, *ends], ends, strict=False)]
     tables = []
     for r in range(rounds):
         here = np.tile(worlds[:, r], len(names))
         seeds = np.tile(first_seed + r * streams + np.arange(streams), len(names))
-        roads = Roads(here, seeds)
-        obs = roads.reset()
-        for driver, block in zip(drivers, blocks, strict=True):
-            driver.begin(roads, block)
-        active = np.ones(rows, np.bool_)
-        total = {name: np.zeros(rows) for name in (*_SUMS, "steps")}
-        crashed = np.zeros(rows, np.bool_)
-        for _ in range(steps):
-            actions = np.empty(rows, np.int64)
-            for driver, block in zip(drivers, blocks, strict=True):
-                actions[block] = driver.act(obs[block], active[block], roads, block)
-                _note(total, block, active[block], getattr(driver, "sight", None))
-            obs, speed, hit = roads.step(actions)
-            total["speed_sum"] += active * speed
-            total["steps"] += active
-            ends = active & hit
-            crashed |= ends
-            active &= ~hit
-            if not active.any():
-                break
+        total = _round(list(zip(drivers, blocks, strict=True)), Roads(here, seeds), steps)
         tables.append(
             pd.DataFrame(
                 {
@@ -292,7 +301,7 @@ def drive(
                     "round": np.int16(r),
                     "world": here,
                     "steps": total.pop("steps").astype(np.int8),
-                    "crashed": crashed,
+                    "crashed": total.pop("crashed").astype(np.bool_),
                     **{
                         name: values.astype(np.float32 if name.endswith("sum") else np.int8)
                         for name, values in total.items()
@@ -301,6 +310,26 @@ def drive(
             )
         )
     return pd.concat(tables, ignore_index=True)
+
+
+def _round(blocks: list[tuple[Driver, slice]], roads: Roads, steps: int) -> dict[str, Floats]:
+    """Return sums over the episodes of a round."""
+    total = {name: np.zeros(roads.n_envs) for name in (*_SUMS, "steps", "crashed")}
+    for driver, block in blocks:
+        driver.begin(roads, block)
+
+    def act(obs: NDArray[np.float32], active: Bools) -> Ints:
+        actions = np.empty(len(obs), np.int64)
+        for driver, block in blocks:
+            actions[block] = driver.act(obs[block], active[block], roads, block)
+            _note(total, block, active[block], getattr(driver, "sight", None))
+        return actions
+
+    for turn in turns(roads, act, steps):
+        total["speed_sum"] += turn.active * turn.out.info.speed
+        total["steps"] += turn.active
+        total["crashed"] += turn.ended
+    return total
 
 
 def _note(total: dict[str, Floats], block: slice, active: Bools, sight: Sight | None) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpl.highway import Config, Policy
-from cpl.policies._ahead import Forecast, Tracking
+from cpl.policies._tracked import Forecast, Tracking
 
 __all__ = ["Hearing", "More", "Penalty", "View"]
 

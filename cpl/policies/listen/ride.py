@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from cpl.forecast.history import History
-from cpl.highway import Config, Engine
+from cpl.highway import Config, Plan
 from cpl.network import MLP
-from cpl.policies._ahead import Ahead
-from cpl.policies._log import Log, Plan, Rides
+from cpl.policies._driving import Driving
+from cpl.policies._log import Rides
 from cpl.policies.listen.hearing import Hearing
-from cpl.policies.switch import Chooser, Floats, Ints, Moment
+from cpl.policies.switch import Bools, Chooser, Floats, Ints, Moment
 
 __all__ = ["Choose", "Heard", "Intervene", "best", "by_chooser", "ride"]
 
@@ -84,66 +85,34 @@ def ride(
     Raises:
         ValueError: If there is nothing to drive.
     """
-    numbers = np.asarray(seeds, dtype=np.int64)
-    if numbers.ndim != 1 or numbers.size == 0 or settings < 1 or n_envs < 1:
-        raise ValueError(
-            f"seeds, settings and n_envs must be at least one, got {numbers.size},"
-            f" {settings!r} and {n_envs!r}"
-        )
-    tracking = hearing.tracking
-    plan = Plan(settings, len(numbers), n_envs, tracking.streams if tracking.carry else None)
-    engine = Engine(road, plan.roads)
-    log, more = Log(settings, numbers, plan.roads, False), _More(settings, numbers, record)
-    ahead = Ahead(
-        plan.roads,
-        hearing.forecast,
-        tracking,
-        horizon=hearing.horizon,
-        length=hearing.length,
-        road=road,
-    )
-    memory = _Memory(hearing, road, plan.roads)
-    obs = engine.reset(numbers[plan.episode])
-    begun = engine.state()
-    start_x, speed = begun.x[:, 0], begun.speed[:, 0]
-    step = np.zeros(plan.roads, dtype=np.int64)
-    ahead.see(obs, engine, step)
-    while plan.active.any():
-        guessed, q, ready = ahead.guess(step)
-        l_hat = np.where(ready, guessed, 0.0)
-        moment = Moment(
-            setting=plan.setting, episode=plan.episode, step=step, obs=obs, l_hat=l_hat, u=q,
-            ready=ready, engine=engine,
-        )  # fmt: skip
+    driving = Driving(
+        road, seeds, settings=settings, forecast=hearing.forecast, tracking=hearing.tracking,
+        horizon=hearing.horizon, length=hearing.length, n_envs=n_envs, record=False,
+    )  # fmt: skip
+    plan, roads = driving.plan, driving.plan.roads
+    more = _More(settings, driving.seeds, record)
+    memory = _Memory(hearing, road, roads)
+    speed = np.zeros(roads)
+
+    def decide(raw: Moment, began: Bools) -> tuple[Bools, Ints]:
+        nonlocal speed
+        if began.any():
+            speed = np.where(began, driving.engine.state().speed[:, 0], speed)
+        moment = replace(raw, l_hat=np.where(raw.ready, raw.l_hat, 0.0))
+        q = moment.u
         shown = q if intervene is None else np.asarray(intervene(q, moment), np.float64)
-        choice = np.asarray(choose(moment, memory.seen(obs, l_hat, shown, step)), np.int64)
-        action = hearing.actions(choice, obs)
-        first = (choice == 0) & bool(hearing.policies)
-        log.decide(plan, moment, first, ahead.l_tilde)
-        more.decide(plan, moment, ahead.l_tilde, speed, shown, choice, action)
-        out = engine.step(action)
-        obs, step, speed = out.obs, step + plan.active, out.info.speed
-        more.pay(out.reward)
-        log.score(*ahead.learn(engine, step, plan.active))
-        log.speeds(speed)
-        ended = (out.terminated | out.truncated) & plan.active
-        if ended.any():
-            x = engine.state().x
-            more.end(plan, ended)
-            log.end(plan, ended, step, out.info.crashed, x, start_x, ahead.l_tilde)
-            again = plan.next(ended)
-            if again.any():
-                fresh = engine.reset(np.where(again, numbers[plan.episode], 0), again)
-                obs = np.where(again[:, None, None], fresh, obs)
-                begun = engine.state()
-                start_x = np.where(again, begun.x[:, 0], start_x)
-                speed = np.where(again, begun.speed[:, 0], speed)
-                step = np.where(again, 0, step)
-                log.begin(again)
-        ahead.forget(ended)
-        memory.forget(ended)
-        ahead.see(obs, engine, step)
-    episodes = log.rides().episodes.assign(**more.columns())
+        seen = memory.seen(moment.obs, moment.l_hat, shown, moment.step)
+        choice = np.asarray(choose(moment, seen), np.int64)
+        action = hearing.actions(choice, moment.obs)
+        more.decide(plan, moment, driving.l_tilde, speed, shown, choice, action)
+        return (choice == 0) & bool(hearing.policies), action
+
+    for turn in driving.turns(decide):
+        speed = turn.out.info.speed
+        more.pay(turn.out.reward)
+        more.end(plan, turn.ended)
+        memory.forget(turn.ended)
+    episodes = driving.rides().episodes.assign(**more.columns())
     return Heard(episodes=episodes, steps=more.steps())
 
 

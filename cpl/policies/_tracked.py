@@ -1,4 +1,4 @@
-"""What is known of the time to come on every road: histories, forecasts, and their quantile."""
+"""Forecasts on a batch of roads, their scores when these become known, and their quantile."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cpl.highway import Config, Engine
 from cpl.highway.distances import nearest_proximities
 from cpl.policies.switch import Bools, Floats, Ints
 
-__all__ = ["Ahead", "Forecast", "Tracking"]
+__all__ = ["Forecast", "TrackedForecast", "Tracking"]
 
 Forecast = Callable[[NDArray[np.float32]], tuple[NDArray[np.floating], NDArray[np.floating] | None]]
 """From histories (n, length * width) to l_hat (n,) and an uncertainty (n,), or None."""
@@ -44,7 +44,7 @@ class Tracking:
     issued: bool = True
 
 
-class Ahead:
+class TrackedForecast:
     """Histories, forecasts that wait for their outcome, and the thresholds they met."""
 
     def __init__(
