@@ -1,8 +1,9 @@
 """What did the robot do? Runs as files: written so that a crash costs nothing, read with suspicion.
 
 One MCAP file a run, with units, frames and provenance in it (:mod:`cpl.logs.schema` has the
-channels). Bags of ROS 1 and ROS 2, CSV and netCDF recordings are read as well. What is damaged is
-recovered as far as checksums confirm it, and the recovery says what was dropped.
+channels). What other machines and programs record is read as well, in any of the formats of
+:mod:`cpl.logs.formats`. What is damaged is recovered as far as it can be confirmed, and the
+recovery says what was dropped; beside it stands whether the numbers are plausible.
 """
 
 from cpl.logs.errors import (
@@ -23,7 +24,9 @@ from cpl.logs.errors import (
     UnitError,
 )
 from cpl.logs.export import save_run
+from cpl.logs.formats import Format, formats
 from cpl.logs.info import RunInfo
+from cpl.logs.plausible import Plausibility
 from cpl.logs.run import Recovery, Run
 from cpl.logs.schema import CHANNELS, COLUMNS, FRAMES, PROVENANCES, SLAM_ERRORS, Row
 from cpl.logs.sources import Runs, read_run, read_runs
@@ -39,11 +42,13 @@ __all__ = [
     "DuplicateChannelError",
     "EmptyLogError",
     "Fault",
+    "Format",
     "FrameError",
     "LogError",
     "MissingChannelError",
     "NotALogError",
     "NotFiniteError",
+    "Plausibility",
     "ProvenanceError",
     "QuaternionError",
     "RangeError",
@@ -56,6 +61,7 @@ __all__ = [
     "SchemaError",
     "TimeOrderError",
     "UnitError",
+    "formats",
     "read_run",
     "read_runs",
     "save_run",

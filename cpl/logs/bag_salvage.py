@@ -1,31 +1,35 @@
-"""Get out of a ROS 1 bag what is left of it when its index is lost.
+"""Get out of a ROS 1 bag what is in it, whether or not its index is there.
 
-A bag's index stands at its end, and a recorder that was killed never wrote it: the ordinary reader
-finds nothing in such a file. But every chunk stands for itself, with its connections and messages
-one behind the other, so they are taken from the front; after damage the next chunk is looked for.
-Of a chunk that is cut off in the middle the messages before the cut are whole.
+A bag's index stands at its end, and a recorder that was killed never wrote it. But every chunk
+stands for itself, with its connections and messages one behind the other, so they are taken from
+the front; after damage the next chunk is looked for. Of a chunk that is cut off in the middle the
+messages before the cut are whole. A bag is gone through twice, first for its topics, then for the
+messages of one; chunks are unpacked in pieces.
 
 A bag has no checksums. What is taken here is as it stands in the file; only lengths, names and the
-message definitions' own MD5 say that it is what was written.
+layout of the messages say that it is what was written.
 """
 
 from __future__ import annotations
 
-import bz2
+import re
 import struct
-from collections.abc import Iterable, Iterator, Mapping
+from array import array
+from collections import Counter
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any
 
+from cpl.logs.budget import LARGEST_MESSAGE, MOST_RECORDS, OverBudgetError
 from cpl.logs.salvage import Damage
+from cpl.logs.source import CannotUnpackError, Flow, ShortError, Source, unpacked
 
-__all__ = ["BAG_MAGIC", "BagConnection", "BagSalvage", "salvage_bag"]
+__all__ = ["BAG_MAGIC", "BagConnection", "BagSurvey", "bag_messages", "survey_bag"]
 
 BAG_MAGIC = b"#ROSBAG V2.0\n"
 MESSAGE, HEADER, INDEX, CHUNK, CHUNK_INFO, CONNECTION = range(2, 8)
-LARGEST_CHUNK = 1 << 28  # [byte] when unpacked: a length beyond is damage, not data
 LONGEST_HEADER = 1 << 16  # [byte]
+LARGEST_DESCRIPTION = 4 << 20  # [byte] of a connection with its message definition
+MOST_DAMAGES = 1000  # that are told apart
 WORD = struct.Struct("<I")
 NS = 1_000_000_000
 
@@ -43,200 +47,214 @@ class BagConnection:
         topic: Its name.
         msgtype: Its type, as ROS 2 writes it: ``nav_msgs/msg/Odometry``.
         msgdef: Definition of the type.
-        digest: MD5 of the definition, as ROS computes it.
     """
 
     id: int
     topic: str
     msgtype: str
     msgdef: str
-    digest: str
 
 
 @dataclass(kw_only=True)
-class BagSalvage:
-    """What a bag holds; it is asked as rosbags' own reader is.
+class BagSurvey:
+    """What a bag holds.
 
     Attributes:
-        found: Number of the connection, time of receipt [ns] and content of each message.
+        source: The file.
+        chunks: Where the chunks begin.
+        sound: How many whole records each chunk has before its end or its damage.
+        connections: The topics by number.
+        held: How many messages each connection has.
+        expected: How many it has by the bag's own count; None if that is lost.
         damages: What was dropped, and what is missing.
-        expected: Messages of each connection by the bag's own count; empty if that is lost.
     """
 
-    known: dict[int, BagConnection] = field(default_factory=dict)
-    found: list[tuple[int, int, bytes]] = field(default_factory=list)
+    source: Source
+    chunks: array[int] = field(default_factory=lambda: array("q"))
+    sound: array[int] = field(default_factory=lambda: array("q"))
+    connections: dict[int, BagConnection] = field(default_factory=dict)
+    held: Counter[int] = field(default_factory=Counter)
+    expected: dict[int, int] | None = None
     damages: list[Damage] = field(default_factory=list)
-    expected: dict[int, int] = field(default_factory=dict)
 
-    @property
-    def connections(self) -> list[BagConnection]:
-        """The topics that have a message definition."""
-        return list(self.known.values())
-
-    def messages(
-        self, connections: Iterable[BagConnection]
-    ) -> Iterator[tuple[BagConnection, int, bytes]]:
-        """Yield connection, receipt [ns] and content of the chosen topics' messages, by time."""
-        chosen = {each.id: each for each in connections}
-        kept = [each for each in self.found if each[0] in chosen]
-        for number, received_ns, raw in sorted(kept, key=lambda each: each[1]):
-            yield chosen[number], received_ns, raw
-
-    def deserialize(self, raw: bytes, msgtype: str) -> Any:  # noqa: ANN401 - a message
-        """Return a message."""
-        return self._types.deserialize_ros1(raw, msgtype)
-
-    @cached_property
-    def _types(self) -> Any:  # noqa: ANN401 - rosbags is imported only where a bag is read
-        """The definitions that the bag brings along, each held against its MD5."""
-        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-        store = get_typestore(Stores.EMPTY)
-        types: dict[str, Any] = {}
-        for each in self.connections:
-            types.update(get_types_from_msg(each.msgdef, each.msgtype))
-        store.register(types)
-        for each in self.connections:
-            if (digest := store.generate_msgdef(each.msgtype)[1]) != each.digest:
-                msg = f"the definition of {each.msgtype} has MD5 {digest}, not {each.digest}"
-                raise ValueError(msg)
-        return store
+    def damage(self, at: int, size: int, what: str) -> None:
+        """Note a damage, as far as there is room."""
+        if len(self.damages) < MOST_DAMAGES:
+            self.damages.append(Damage(at=at, size=size, what=what))
 
 
-def salvage_bag(data: bytes) -> BagSalvage:
+def survey_bag(source: Source) -> BagSurvey:
     """Return what is intact in a ROS 1 bag.
 
     Args:
-        data: The file's bytes; any bytes.
+        source: The file; any bytes.
 
     Returns:
         What was found; never an exception, whatever the bytes are.
     """
-    bag, at, told = BagSalvage(), len(BAG_MAGIC), False
-    if not data.startswith(BAG_MAGIC):
-        at = _next_chunk(data, 0)
-        bag.damages.append(Damage(at=0, size=at, what="the file does not begin as a bag does"))
-    while at < len(data):
+    bag, at, counts = BagSurvey(source=source), len(BAG_MAGIC), Counter[int]()
+    told, records = False, 0
+    if source.read(0, len(BAG_MAGIC)) != BAG_MAGIC:
+        at = _next_chunk(bag, 0)
+        bag.damage(0, at, "the file does not begin as a bag does")
+    while at < source.size:
+        records += 1
+        if records > MOST_RECORDS:
+            bag.damage(at, source.size - at, f"more than {MOST_RECORDS} records; no more is read")
+            break
         try:
-            fields, begin, end = _record(data, at)
-            told |= _take(bag, data, at, fields, begin, end)
-        except _BrokenError as error:
-            end = _next_chunk(data, at + 1)
-            bag.damages.append(Damage(at=at, size=end - at, what=str(error)))
+            fields, begin, end = _record(source, at)
+            told |= _take(bag, counts, at, fields, begin, end)
+        except (_BrokenError, OverBudgetError) as error:
+            end = _next_chunk(bag, at + 1)
+            bag.damage(at, end - at, str(error))
         at = end
-    strangers = sum(number not in bag.known for number, _, _ in bag.found)
+    strangers = sum(held for number, held in bag.held.items() if number not in bag.connections)
     if strangers:
-        what = f"the topic of {strangers} messages is not known, so they are dropped"
-        bag.damages.append(Damage(at=0, size=0, what=what))
-    if not told:
-        bag.expected = {}
-        bag.damages.append(Damage(at=len(data), size=0, what="the index at the end is missing"))
+        bag.damage(0, 0, f"the topic of {strangers} messages is not known, so they are dropped")
+    if told:
+        bag.expected = dict(counts)
+    else:
+        bag.damage(source.size, 0, "the index at the end is missing")
     return bag
 
 
+def bag_messages(bag: BagSurvey, wanted: Container[int]) -> Iterator[tuple[int, int, bytes]]:
+    """Yield the messages of some connections, in the order of the file.
+
+    Args:
+        bag: What the survey found.
+        wanted: Numbers of the connections.
+
+    Yields:
+        Number of the connection, time of receipt [ns] and content; empty where a message is longer
+        than any pose, and then it is not held.
+    """
+    source = bag.source
+    source.budget.again()
+    for at, sound in zip(bag.chunks, bag.sound, strict=True):
+        fields, begin, end = _record(source, at)
+        kind = _compression(fields)
+        flow = Flow(unpacked(source, begin, min(end, source.size) - begin, kind))
+        for _ in range(sound):
+            inner, length = _inner(flow)
+            number = _number(inner, "conn", 4)
+            if _number(inner, "op", 1) != MESSAGE or number not in wanted:
+                flow.skip(length)
+                continue
+            seconds, ns = struct.unpack("<II", _sized(inner, "time", 8))
+            if length > LARGEST_MESSAGE:
+                flow.skip(length)
+                yield number, seconds * NS + ns, b""
+            else:
+                yield number, seconds * NS + ns, flow.take(length)
+
+
 def _take(
-    bag: BagSalvage, data: bytes, at: int, fields: Mapping[str, bytes], begin: int, end: int
+    bag: BagSurvey,
+    counts: Counter[int],
+    at: int,
+    fields: Mapping[str, bytes],
+    begin: int,
+    end: int,
 ) -> bool:
     """Keep what a record says; tell whether it belongs to the index at the end."""
     op = _number(fields, "op", 1)
     if op == CHUNK:
-        _take_chunk(bag, data, at, fields, begin, end)
+        _take_chunk(bag, at, fields, begin, end)
         return False
-    if end > len(data):
+    if end > bag.source.size:
         raise _BrokenError("the file ends inside a record, or its length is damaged")
     if op == CONNECTION:
-        _take_connection(bag, fields, data[begin:end])
+        if end - begin > LARGEST_DESCRIPTION:
+            raise _BrokenError(f"a connection is described by {end - begin} bytes")
+        _take_connection(bag, fields, bag.source.read(begin, end - begin))
     elif op == CHUNK_INFO:
-        for place in range(begin, end - 7, 8):
-            number, count = WORD.unpack_from(data, place)[0], WORD.unpack_from(data, place + 4)[0]
-            bag.expected[number] = bag.expected.get(number, 0) + count
+        if end - begin > LARGEST_DESCRIPTION:
+            raise _BrokenError(f"a chunk is counted in {end - begin} bytes")
+        told = bag.source.read(begin, end - begin)
+        for number, count in struct.iter_unpack("<II", told[: len(told) // 8 * 8]):
+            counts[number] += count
     elif op not in (HEADER, INDEX):
         raise _BrokenError(f"a record of kind {op} has no business here")
     return op == CHUNK_INFO
 
 
-def _take_chunk(
-    bag: BagSalvage, data: bytes, at: int, fields: Mapping[str, bytes], begin: int, end: int
-) -> None:
-    """Keep a chunk's records up to its end, or to where the file or the damage cuts it off."""
-    raw = _unpacked(data[begin:end], fields)
-    cut = end > len(data)
-    place = 0
+def _take_chunk(bag: BagSurvey, at: int, fields: Mapping[str, bytes], begin: int, end: int) -> None:
+    """Go through a chunk up to its end, or to where the file or the damage cuts it off."""
+    source, declared, kind = bag.source, _number(fields, "size", 4), _compression(fields)
+    if declared > source.budget.most_unpacked:
+        raise _BrokenError("a chunk's size is damaged")
+    cut = end > source.size
+    flow = Flow(unpacked(source, begin, min(end, source.size) - begin, kind))
+    sound, whole, why = 0, 0, ""
     try:
-        while place < len(raw):
-            inner, first, last = _record(raw, place)
-            if last > len(raw):
-                raise _BrokenError("a record is cut off")
-            op = _number(inner, "op", 1)
-            if op == CONNECTION:
-                _take_connection(bag, inner, raw[first:last])
+        while not flow.ended():
+            source.budget.record()
+            fields, length = _inner(flow)
+            op, number = _number(fields, "op", 1), _number(fields, "conn", 4)
+            if op == CONNECTION and length <= LARGEST_DESCRIPTION:
+                _take_connection(bag, fields, flow.take(length))
             elif op == MESSAGE:
-                seconds, ns = struct.unpack("<II", _sized(inner, "time", 8))
-                message = (_number(inner, "conn", 4), seconds * NS + ns, raw[first:last])
-                bag.found.append(message)
+                _sized(fields, "time", 8)
+                flow.skip(length)
+                bag.held[number] += 1
             else:
                 raise _BrokenError(f"a record of kind {op} has no business in a chunk")
-            place = last
-    except _BrokenError as error:
-        what = "the file ends inside a chunk" if cut else f"a chunk is damaged: {error}"
-        bag.damages.append(Damage(at=at, size=len(raw) - place, what=what))
-        return
-    if len(raw) != _number(fields, "size", 4):
-        what = "the file ends inside a chunk" if cut else "a chunk is shorter than it says"
-        bag.damages.append(Damage(at=at, size=0, what=what))
+            sound, whole = sound + 1, flow.taken
+    except ShortError:
+        why = "a record is cut off"
+    except (_BrokenError, CannotUnpackError, OverBudgetError) as error:
+        why = str(error)
+    bag.chunks.append(at)
+    bag.sound.append(sound)
+    if cut:
+        bag.damage(at, max(0, declared - whole), "the file ends inside a chunk")
+    elif why:
+        bag.damage(at, max(0, declared - whole), f"a chunk is damaged: {why}")
+    elif whole != declared:
+        bag.damage(at, 0, "a chunk's size is not what it says")
 
 
-def _take_connection(bag: BagSalvage, fields: Mapping[str, bytes], body: bytes) -> None:
+def _take_connection(bag: BagSurvey, fields: Mapping[str, bytes], body: bytes) -> None:
     inner, number = _fields(body), _number(fields, "conn", 4)
     try:
-        texts = {name: inner[name].decode() for name in ("type", "md5sum", "message_definition")}
+        kind, definition = (inner[name].decode() for name in ("type", "message_definition"))
         topic = fields["topic"].decode()
     except (KeyError, UnicodeDecodeError) as error:
         raise _BrokenError("a connection is malformed") from error
-    package, _, name = texts["type"].rpartition("/")
-    said = BagConnection(
-        id=number,
-        topic=topic,
-        msgtype=f"{package}/msg/{name}",
-        msgdef=texts["message_definition"],
-        digest=texts["md5sum"],
-    )
-    if bag.known.setdefault(number, said) != said:
+    package, _, name = kind.rpartition("/")
+    said = BagConnection(id=number, topic=topic, msgtype=f"{package}/msg/{name}", msgdef=definition)
+    if bag.connections.setdefault(number, said) != said:
         raise _BrokenError(f"connection {number} is described twice, and differently")
 
 
-def _unpacked(body: bytes, fields: Mapping[str, bytes]) -> bytes:
-    """Return a chunk's content, or as much of it as comes out before a cut."""
-    kind = fields.get("compression", b"")
-    if _number(fields, "size", 4) > LARGEST_CHUNK:
-        raise _BrokenError("a chunk's size is damaged")
-    if kind == b"none":
-        return body
-    try:
-        if kind == b"bz2":
-            return bz2.BZ2Decompressor().decompress(body, LARGEST_CHUNK)
-        if kind == b"lz4":
-            from lz4.frame import LZ4FrameDecompressor
-
-            return LZ4FrameDecompressor().decompress(body, LARGEST_CHUNK)
-    except (OSError, EOFError, ValueError, RuntimeError) as error:
-        raise _BrokenError("a chunk cannot be decompressed") from error
-    raise _BrokenError(f"a chunk is compressed by {kind!r}")
+def _compression(fields: Mapping[str, bytes]) -> str:
+    kind = fields.get("compression", b"").decode("ascii", errors="replace")
+    if kind not in ("none", "bz2", "lz4"):
+        raise _BrokenError(f"a chunk is compressed by {kind!r}")
+    return "" if kind == "none" else kind
 
 
-def _record(data: bytes, at: int) -> tuple[dict[str, bytes], int, int]:
+def _record(source: Source, at: int) -> tuple[dict[str, bytes], int, int]:
     """Return the header of the record at a place, where its content begins and where it ends."""
-    if len(data) - at < 4:
+    length = source.read(at, 4)
+    if len(length) < 4:
         raise _BrokenError("the file ends inside a record")
-    length = WORD.unpack_from(data, at)[0]
-    begin = at + 4 + length + 4
-    if length > LONGEST_HEADER or begin > len(data):
+    size = WORD.unpack(length)[0]
+    begin = at + 4 + size + 4
+    if size > LONGEST_HEADER or begin > source.size:
         raise _BrokenError("the file ends inside a record, or its length is damaged")
-    return (
-        _fields(data[at + 4 : at + 4 + length]),
-        begin,
-        begin + WORD.unpack_from(data, begin - 4)[0],
-    )
+    head = source.read(at + 4, size + 4)
+    return _fields(head[:size]), begin, begin + WORD.unpack_from(head, size)[0]
+
+
+def _inner(flow: Flow) -> tuple[dict[str, bytes], int]:
+    """Return the header of a chunk's next record, and the length of its content."""
+    size = WORD.unpack(flow.take(4))[0]
+    if size > LONGEST_HEADER:
+        raise _BrokenError("a record's length is damaged")
+    return _fields(flow.take(size)), WORD.unpack(flow.take(4))[0]
 
 
 def _fields(header: bytes) -> dict[str, bytes]:
@@ -265,17 +283,23 @@ def _sized(fields: Mapping[str, bytes], name: str, size: int) -> bytes:
     return value
 
 
-def _next_chunk(data: bytes, at: int) -> int:
-    """Return where the next chunk begins, or the end of the data."""
-    mark = b"\x04\x00\x00\x00op=" + bytes([CHUNK])
-    while (found := data.find(mark, at)) >= 0:
-        # The fields of a header stand in any order, so it begins some bytes before its op.
-        for begin in range(max(at, found - 64), found - 3):
-            try:
-                fields, _, _ = _record(data, begin)
+def _next_chunk(bag: BagSurvey, at: int) -> int:
+    """Return where the next chunk begins, or the end of the file."""
+    source = bag.source
+    try:
+        for found in source.matches(_MARK, at, source.size, reach=8):
+            # The fields of a header stand in any order, so it begins some bytes before its op.
+            source.budget.look(256)
+            for begin in range(max(at, found - 64), found - 3):
+                try:
+                    fields, _, _ = _record(source, begin)
+                except _BrokenError:
+                    continue
                 if {"op", "compression", "size"} <= fields.keys():
                     return begin
-            except _BrokenError:
-                continue
-        at = found + len(mark)
-    return len(data)
+    except OverBudgetError as error:
+        bag.damage(at, 0, str(error))
+    return source.size
+
+
+_MARK = re.compile(rb"\x04\0\0\0op=\x05")

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from cpl.logs.errors import LogError, NotFiniteError, RangeError, SchemaError
-from cpl.logs.schema import CHANNELS, COLUMNS, Channel, Field
+from cpl.logs.schema import CHANNELS, COLUMNS, FIELDS, Channel, Field
 
 __all__ = ["MalformedError", "channels_of", "decode", "encode", "nanoseconds", "sound"]
 
@@ -117,7 +117,7 @@ def sound(row: Mapping[str, Any]) -> dict[str, Any]:
         >>> sound({"t_s": 0, "confidence": 3.0})
         {'t_s': 0.0, 'confidence': 3}
     """
-    return {column: _sound(_FIELDS[column], value) for column, value in row.items()}
+    return {column: _sound(FIELDS[column], value) for column, value in row.items()}
 
 
 def _sound(each: Field, value: Any) -> Any:  # noqa: ANN401 - a number or a word
@@ -127,10 +127,6 @@ def _sound(each: Field, value: Any) -> Any:  # noqa: ANN401 - a number or a word
     if each.kind == "int" and isinstance(value, float) and value.is_integer():
         value = int(value)
     return _judged(each, value)
-
-
-_TIME = Field(column="t_s", meaning="time since the run began", unit="s", at=("t_s",))
-_FIELDS = {"t_s": _TIME} | {each.column: each for channel in CHANNELS for each in channel.fields}
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - a number or a word
@@ -157,7 +153,7 @@ def _given(each: Field, value: Any) -> Any:  # noqa: ANN401 - a number or a word
         return None
     whole = float(value).is_integer() if each.kind == "int" else math.isfinite(value)
     if not (whole and each.low <= value <= each.high):
-        msg = f"{each.column} must be {_allowed(each)}, got {value!r}"
+        msg = f"{each.column} must be {_allowed(each, value)}, got {value!r}"
         raise ValueError(msg)
     return int(value) if each.kind == "int" else float(value)
 
@@ -186,7 +182,9 @@ def _judged(each: Field, value: Any) -> Any:  # noqa: ANN401 - a number or a wor
     if not _finite(value):
         raise MalformedError(NotFiniteError, f"{each.column} must be finite, got {value!r}")
     if not each.low <= value <= each.high:
-        raise MalformedError(RangeError, f"{each.column} must be {_allowed(each)}, got {value!r}")
+        raise MalformedError(
+            RangeError, f"{each.column} must be {_allowed(each, value)}, got {value!r}"
+        )
     return value if each.kind == "int" else float(value)
 
 
@@ -205,10 +203,12 @@ def _constant(text: str) -> float:
 _JSON = json.JSONDecoder(parse_constant=_constant)
 
 
-def _allowed(each: Field) -> str:
+def _allowed(each: Field, value: float) -> str:
     number = "a whole number" if each.kind == "int" else "finite"
-    if math.isinf(each.low):
-        return number
-    if math.isinf(each.high):
-        return f"{number} of at least {each.low}"
-    return f"{number} in [{each.low}, {each.high}]"
+    low, high = each.low > -_WIDE, each.high < _WIDE
+    if (low and high) or _WIDE < abs(value) < math.inf:
+        return f"{number} in [{each.low:g}, {each.high:g}]"
+    return f"{number} of at least {each.low}" if low else number
+
+
+_WIDE = 1e4  # a limit beyond is only named to those who meet it

@@ -25,7 +25,28 @@ __all__ = [
     "SchemaError",
     "TimeOrderError",
     "UnitError",
+    "printable",
 ]
+
+LONGEST = 2000  # [characters] of one message
+
+
+def printable(text: str) -> str:
+    r"""Return a text that may go to a terminal as it is.
+
+    Names in a log are somebody else's text. Control characters, and those that turn the direction
+    of writing, are written as Python writes them.
+
+    >>> print(printable("topic /x\x1b[2J"))
+    topic /x\x1b[2J
+    """
+    if len(text) > LONGEST:
+        text = f"{text[:LONGEST]}... ({len(text)} characters)"
+    if text.isprintable():
+        return text
+    return "".join(
+        each if each.isprintable() else each.encode("unicode_escape").decode() for each in text
+    )
 
 
 class LogError(ValueError):
@@ -42,8 +63,9 @@ class LogError(ValueError):
     """
 
     def __init__(self, what: str, *, path: Path | str, where: str = "") -> None:
-        self.what, self.path, self.where = what, Path(path), where
-        super().__init__(": ".join(part for part in (self.path.name, where, what) if part))
+        self.what, self.path, self.where = printable(what), Path(path), printable(where)
+        parts = (printable(self.path.name), self.where, self.what)
+        super().__init__(": ".join(part for part in parts if part))
 
 
 class NotALogError(LogError):
@@ -125,4 +147,4 @@ class Fault:
 
     def __str__(self) -> str:
         lost = f" ({self.rows} row{'s' * (self.rows != 1)} dropped)" if self.rows else ""
-        return f"{self.name}: {self.where}: {self.what}{lost}"
+        return f"{self.name}: {printable(self.where)}: {printable(self.what)}{lost}"

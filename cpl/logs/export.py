@@ -7,7 +7,7 @@ import io
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from hashlib import sha256
+from hashlib import file_digest
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +52,10 @@ def _source(run: Run) -> dict[str, Any]:
     """Return where the rows come from; a repeated conversion keeps the first file's name."""
     before = dict(run.info.source)
     told = run.recovery
-    digest = sha256(run.path.read_bytes()).hexdigest() if run.path.is_file() else None
+    digest = None
+    if run.path.is_file():
+        with run.path.open("rb") as file:
+            digest = file_digest(file, "sha256").hexdigest()
     return {
         "file": run.path.name,
         "sha256": digest,

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from cpl.logs.clock import LAST_NS
 from cpl.logs.errors import ProvenanceError, SchemaError
 from cpl.logs.schema import CHANNELS, FRAMES, PROVENANCES
 from cpl.store import canonical_json, plain
@@ -17,6 +19,9 @@ __all__ = ["METADATA", "BrokenSealError", "Described", "RunInfo", "packed", "sta
 
 METADATA = "cpl.run"  # name of the MCAP metadata record
 VERSION = "1"
+LONGEST = 1 << 20  # [characters] of a configuration
+DEEPEST = 50  # levels of a configuration
+LARGEST_SEED = 1 << 64
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +36,8 @@ class RunInfo:
         source: For an import: file, digest, importer and what it had to leave out.
 
     Raises:
-        ValueError: Another provenance, a negative seed or start, a configuration JSON cannot hold.
+        ValueError: Another provenance; a seed or start that is negative or beyond what is stored; a
+            configuration that is no mapping, or that JSON cannot hold.
 
     Examples:
         >>> RunInfo(provenance="simulated-kinematic", config={"kp": 1.5}, seed=3).label
@@ -48,14 +54,19 @@ class RunInfo:
         if self.provenance not in PROVENANCES:
             msg = f"provenance must be one of {', '.join(PROVENANCES)}, got {self.provenance!r}"
             raise ValueError(msg)
-        for name in ("seed", "start_unix_ns"):
+        for name, end in (("seed", LARGEST_SEED), ("start_unix_ns", LAST_NS)):
             value = getattr(self, name)
-            whole = isinstance(value, int) and not isinstance(value, bool) and value >= 0
+            whole = isinstance(value, int) and not isinstance(value, bool) and 0 <= value < end
             if not (whole or (name == "seed" and value is None)):
-                msg = f"{name} must be a whole number of at least 0, got {value!r}"
+                shown = reprlib.repr(value)
+                msg = f"{name} must be a whole number of at least 0 and below {end}, got {shown}"
                 raise ValueError(msg)
-        object.__setattr__(self, "config", plain(self.config))
-        object.__setattr__(self, "source", plain(self.source))
+        for name in ("config", "source"):
+            value = plain(getattr(self, name))
+            if not isinstance(value, dict):
+                msg = f"{name} must be an object with names, got {reprlib.repr(value)}"
+                raise ValueError(msg)
+            object.__setattr__(self, name, value)
 
     @property
     def label(self) -> str:
@@ -126,26 +137,41 @@ def unpacked(content: Mapping[str, str]) -> Described:
     try:
         info = RunInfo(
             provenance=rest["provenance"],
-            config=json.loads(rest["config"]),
-            seed=json.loads(rest["seed"]),
+            config=_json(rest["config"], "config"),
+            seed=_json(rest["seed"], "seed"),
             start_unix_ns=int(rest["start_unix_ns"]),
-            source=json.loads(rest["source"]),
+            source=_json(rest["source"], "source"),
         )
-        topics = tuple(str(topic) for topic in json.loads(rest["channels"]))
-        return Described(info=info, topics=topics, rows=json.loads(rest["rows"]))
+        topics, rows = _json(rest["channels"], "channels"), _json(rest["rows"], "rows")
+        if not isinstance(topics, list) or not all(isinstance(each, str) for each in topics):
+            msg = f"channels must be a list of topics, got {reprlib.repr(topics)}"
+            raise ValueError(msg)
+        counted = isinstance(rows, int) and not isinstance(rows, bool) and rows >= 0
+        if not (rows is None or counted):
+            msg = f"rows must be a count, got {reprlib.repr(rows)}"
+            raise ValueError(msg)
+        return Described(info=info, topics=tuple(topics), rows=rows)
     except KeyError as error:
         msg = f"the description of the run lacks {error.args[0]!r}"
         raise ValueError(msg) from error
 
 
-def stated(said: Mapping[str, str], provenance: str | None, path: Path, importer: str) -> RunInfo:
+def stated(
+    said: Mapping[str, str],
+    provenance: str | None,
+    path: Path,
+    source: Mapping[str, Any],
+    *,
+    silent: str | None = None,
+) -> RunInfo:
     """Return what describes a recording, from what it says itself and what its reader says.
 
     Args:
         said: The file's own statements: `provenance`, `seed`, `start_unix_ns`, `config`, `source`.
         provenance: The reader's; None for nothing.
         path: The file.
-        importer: What read it.
+        source: What the import says of itself, unless the file states a source.
+        silent: The provenance where neither says anything; None if that is an error.
 
     Raises:
         ProvenanceError: Nobody says where it comes from, or both do and differ.
@@ -154,22 +180,51 @@ def stated(said: Mapping[str, str], provenance: str | None, path: Path, importer
     own = said.get("provenance")
     if provenance and own and own != provenance:
         raise ProvenanceError(f"says it is {own}, but {provenance} was asked for", path=path)
-    chosen = provenance or own
+    chosen = provenance or own or silent
     if chosen not in PROVENANCES:
         have = "does not say where it comes from" if chosen is None else f"says it is {chosen!r}"
-        what = f"{have}: give provenance, one of {', '.join(PROVENANCES)}"
+        what = (
+            f"{have}: give provenance, one of {', '.join(PROVENANCES)} (--provenance WORD; "
+            "provenance= in Python)"
+        )
         raise ProvenanceError(what, path=path)
     try:
-        source = json.loads(said.get("source", "{}"))
         return RunInfo(
             provenance=chosen,
-            config=json.loads(said.get("config", "{}")),
-            seed=json.loads(said.get("seed", "null")),
+            config=_json(said.get("config", "{}"), "config"),
+            seed=_json(said.get("seed", "null"), "seed"),
             start_unix_ns=int(said.get("start_unix_ns", "0")),
-            source=source or {"file": path.name, "importer": importer},
+            source=_json(said.get("source", "{}"), "source") or {"file": path.name, **source},
         )
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise SchemaError(str(error), path=path) from error
+
+
+def _json(text: str, name: str) -> Any:  # noqa: ANN401 - JSON
+    """Return what a description holds; refuse what is so deep that nothing could print it."""
+    if len(text) > LONGEST:
+        msg = f"{name} must have at most {LONGEST} characters, got {len(text)}"
+        raise ValueError(msg)
+    try:
+        value = json.loads(text)
+    except RecursionError as error:
+        msg = f"{name} is nested too deep"
+        raise ValueError(msg) from error
+    except ValueError as error:
+        msg = f"{name} must be JSON: {error}"
+        raise ValueError(msg) from error
+    level = [value]
+    for _ in range(DEEPEST):
+        level = [
+            inner
+            for each in level
+            if isinstance(each, (dict, list))
+            for inner in (each.values() if isinstance(each, dict) else each)
+        ]
+    if level:
+        msg = f"{name} is nested deeper than {DEEPEST} levels"
+        raise ValueError(msg)
+    return value
 
 
 def _seal(content: Mapping[str, str]) -> str:

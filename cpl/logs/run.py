@@ -10,11 +10,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from cpl.logs.errors import Fault, MissingChannelError, SchemaError
+from cpl.logs.errors import Fault, MissingChannelError, SchemaError, printable
 from cpl.logs.info import RunInfo
+from cpl.logs.plausible import Plausibility
 from cpl.logs.schema import CHANNELS, channel_of
 
 __all__ = ["Recovery", "Run"]
+
+FASTEST_HZ = 1e6  # [Hz] no estimator gives more poses a second
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +33,7 @@ class Recovery:
         bytes_dropped: Bytes that nothing could be made of.
         faults: What was wrong, in the order in which it was found.
         notes: What was done to a sound file to read it (an import's conversions).
+        plausibility: What the rows show of rate, speed and jumps; None where nobody looked.
     """
 
     rows: int
@@ -39,10 +43,11 @@ class Recovery:
     bytes_dropped: int = 0
     faults: tuple[Fault, ...] = ()
     notes: tuple[str, ...] = ()
+    plausibility: Plausibility | None = None
 
     @property
     def whole(self) -> bool:
-        """Whether nothing was wrong."""
+        """Whether everything that the file promises was read. It may still be nonsense."""
         return not self.faults
 
     def __str__(self) -> str:
@@ -82,7 +87,7 @@ class Run:
     def label(self) -> str:
         """The provenance stamp for figures."""
         damaged = "" if self.recovery.whole else ", recovered from a damaged file"
-        return f"{self.info.label}, {self.path.name}{damaged}"
+        return f"{self.info.label}, {printable(self.path.name)}{damaged}"
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -131,8 +136,8 @@ class Run:
             ValueError: Not a positive rate.
             SchemaError: The run has a policy's columns; its steps are not to be thinned.
         """
-        if not (math.isfinite(rate_hz) and rate_hz > 0):
-            msg = f"rate_hz must be finite and above 0, got {rate_hz!r}"
+        if not (math.isfinite(rate_hz) and 0 < rate_hz <= FASTEST_HZ):
+            msg = f"rate_hz must be finite, above 0 and at most {FASTEST_HZ:g}, got {rate_hz!r}"
             raise ValueError(msg)
         if "kp" in self.table or "l_hat" in self.table:
             what = "holds a policy's steps, which are not to be thinned"

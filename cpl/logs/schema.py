@@ -33,6 +33,7 @@ from typing import Any, Literal, TypedDict
 __all__ = [
     "CHANNELS",
     "COLUMNS",
+    "FIELDS",
     "FRAMES",
     "PROVENANCES",
     "SLAM_ERRORS",
@@ -43,7 +44,16 @@ __all__ = [
     "json_schema",
 ]
 
-PROVENANCES = ("simulated-kinematic", "simulated-legged", "real-T265-third-party", "real-Go1")
+PROVENANCES = (
+    "simulated-kinematic",
+    "simulated-legged",
+    "real-T265-third-party",
+    "real-third-party",
+    "real-Go1",
+    "unstated",
+)
+# What lies beyond is a number gone wrong: the earth is 4e7 m around, and no robot is that fast.
+FARTHEST_M, FASTEST, LARGEST = 1e8, 1e4, 1e12
 SLAM_ERRORS = {0: "none", 1: "Vision", 2: "Speed", 3: "Other"}
 FRAMES = {
     "world": "right-handed, z up; the origin is where the estimator says it is",
@@ -198,8 +208,13 @@ def _place(properties: dict[str, Any], at: tuple[str, ...], schema: dict[str, An
     properties[name] = schema
 
 
+_LIMITS = {"m": FARTHEST_M, "m/s": FASTEST, "rad/s": FASTEST}
+
+
 def _flat(column: str, meaning: str, unit: str = "-", **rest: Any) -> Field:  # noqa: ANN401
-    return Field(column=column, meaning=meaning, unit=unit, at=(column,), **rest)
+    limit = _LIMITS.get(unit, LARGEST)
+    ends = {"low": -limit, "high": limit} | rest
+    return Field(column=column, meaning=meaning, unit=unit, at=(column,), **ends)
 
 
 _POSITION = tuple(
@@ -208,6 +223,8 @@ _POSITION = tuple(
         meaning="estimated position",
         unit="m",
         at=("pose", "position", axis),
+        low=-FARTHEST_M,
+        high=FARTHEST_M,
     )
     for axis in "xyz"
 )
@@ -216,6 +233,8 @@ _QUATERNION = tuple(
         column=f"q{axis}",
         meaning="estimated attitude, body to world, unit quaternion",
         at=("pose", "orientation", axis),
+        low=-LARGEST,
+        high=LARGEST,
     )
     for axis in "xyzw"
 )
@@ -358,6 +377,12 @@ CHANNELS: tuple[Channel, ...] = (
         ),
     ),
 )
+
+_TIME_S = _flat("t_s", "time since the run began", "s")
+FIELDS: dict[str, Field] = {"t_s": _TIME_S} | {
+    each.column: each for channel in CHANNELS for each in channel.fields
+}
+"""Every column's field, the time's too."""
 
 COLUMNS: dict[str, str] = {
     "t_s": "time since the run began [s]",

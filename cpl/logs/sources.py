@@ -1,4 +1,4 @@
-"""Read any recording there is a reader for, one file or a folder of them."""
+"""Read any recording there is a format for, one file or a folder of them."""
 
 from __future__ import annotations
 
@@ -11,50 +11,12 @@ from typing import Any
 import pandas as pd
 
 from cpl.logs.errors import EmptyLogError, LogError, NotALogError
-from cpl.logs.from_bag import read_bag
-from cpl.logs.from_csv import read_csv
-from cpl.logs.from_netcdf import read_netcdf
-from cpl.logs.reader import read_mcap
+from cpl.logs.formats import Options, formats, recognised
 from cpl.logs.run import Run
-from cpl.logs.salvage import MAGIC
 
-__all__ = ["Runs", "kind_of", "read_run", "read_runs", "recordings"]
+__all__ = ["Runs", "read_run", "read_runs", "recordings"]
 
-SUFFIXES = (".bag", ".csv", ".db3", ".mcap", ".nc")
-
-
-def kind_of(path: Path) -> str:
-    """Return what a file is, by its content, and by its name where the content does not say.
-
-    Returns:
-        `mcap`, `bag`, `csv` or `netcdf`.
-
-    Raises:
-        NotALogError: Nothing that is read here.
-        EmptyLogError: The file is empty.
-        FileNotFoundError: There is no such file.
-    """
-    if path.is_dir():
-        if (path / "metadata.yaml").is_file():
-            return "bag"
-        raise NotALogError("is a folder without a ROS 2 bag; name a file in it", path=path)
-    with path.open("rb") as file:
-        head = file.read(4096)
-    if not head:
-        raise EmptyLogError("has no content", path=path)
-    if head.startswith(MAGIC):
-        # Behind the magic comes the header record: code, length of 8 bytes, and the profile.
-        return "bag" if head[17:25] == b"\x04\0\0\0ros2" else "mcap"
-    if head.startswith((b"#ROSBAG V2", b"SQLite format 3")):
-        return "bag"
-    if head.startswith(b"\x89HDF\r\n"):
-        return "netcdf"
-    if head.startswith(b"CDF"):
-        raise NotALogError("is netCDF 3; `nccopy -k nc4 IN OUT` makes it netCDF 4", path=path)
-    by_name = {".mcap": "mcap", ".bag": "bag", ".csv": "csv", ".nc": "netcdf", ".db3": "bag"}
-    if path.suffix in by_name:
-        return by_name[path.suffix]
-    raise NotALogError(f"is none of {', '.join(SUFFIXES)}, by content or name", path=path)
+NOT_TOLD = ".txt"  # an ending that says nothing: such a file in a folder may be anything
 
 
 def read_run(
@@ -64,15 +26,30 @@ def read_run(
     provenance: str | None = None,
     axes: str | None = None,
     topic: str | None = None,
+    quaternion: str | None = None,
+    unit: str | None = None,
+    times: Path | str | None = None,
+    pose_rate_hz: float | None = None,
+    linear_accel_cov: float | None = None,
+    format: str | None = None,
+    silent: str | None = None,
 ) -> Run:
     """Read one run.
 
     Args:
-        path: MCAP of `cpl.logs`, ROS 1 or ROS 2 bag, CSV, netCDF-4.
+        path: A file of any of `cpl.logs.formats`, or the folder of a ROS 2 bag.
         strict: Whether damage that could be survived is an error too.
         provenance: For a recording that does not say: where it comes from.
-        axes: For a CSV or netCDF that does not say: `ros` or `t265`.
-        topic: For a bag with several pose topics.
+        axes: For one that does not say: `ros`, `t265` or `camera`.
+        topic: For one with several pose topics.
+        quaternion: For one whose attitudes are not x, y, z, w: `wxyz`.
+        unit: For one whose positions are not metres: `cm` or `mm`; `m` says that a speed is true.
+        times: For poses without times: a file with one a line [s].
+        pose_rate_hz: For poses without times: their rate [Hz].
+        linear_accel_cov: The realsense-ros driver's parameter, where it was not the default: then
+            the attitude's covariance is not asked for a second opinion.
+        format: The format's name, where the content does not tell it.
+        silent: The provenance of a recording of which nobody says any; None to refuse it.
 
     Returns:
         Table, metadata and what it cost to get them.
@@ -80,17 +57,21 @@ def read_run(
     Raises:
         LogError: One of its kinds; it names file and record.
         FileNotFoundError: There is no such file.
+        ValueError: An option that is none.
     """
     path = Path(path)
-    match kind_of(path):
-        case "mcap":
-            run = read_mcap(path)
-        case "bag":
-            run = read_bag(path, provenance=provenance, topic=topic)
-        case "csv":
-            run = read_csv(path, provenance=provenance, axes=axes)
-        case _:
-            run = read_netcdf(path, provenance=provenance, axes=axes)
+    options = Options(
+        provenance=provenance,
+        silent=silent,
+        axes=axes,
+        topic=topic,
+        quaternion=quaternion,
+        unit=unit,
+        times=None if times is None else Path(times),
+        pose_rate_hz=pose_rate_hz,
+        linear_accel_cov=linear_accel_cov,
+    )
+    run = recognised(path, format).read(path, options)
     if strict and run.recovery.faults:
         raise run.recovery.faults[0].raised(path)
     return run
@@ -99,19 +80,32 @@ def read_run(
 def recordings(folder: Path) -> list[Path]:
     """Return the recordings in a folder and below it; a ROS 2 bag's folder counts as one.
 
+    A file counts by the ending of its name, but for text files, which must look like a recording.
+
     Args:
         folder: The folder, or one file.
     """
     if folder.is_file() or (folder / "metadata.yaml").is_file():
         return [folder]
+    endings = {ending for each in formats() for ending in each.suffixes}
     found: list[Path] = []
     for base, names, files in os.walk(folder):
         here = Path(base)
         bags = [name for name in names if (here / name / "metadata.yaml").is_file()]
         found += [here / name for name in bags]
-        found += [here / name for name in files if Path(name).suffix in SUFFIXES]
+        found += [here / name for name in files if _counts(here / name, endings)]
         names[:] = sorted(set(names) - set(bags))
     return sorted(found)
+
+
+def _counts(path: Path, endings: set[str]) -> bool:
+    if path.suffix != NOT_TOLD:
+        return path.suffix in endings
+    try:
+        recognised(path)
+    except (NotALogError, EmptyLogError, OSError):
+        return False
+    return True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,7 +167,8 @@ def read_runs(
                 raise
             refused[name] = error
     if not runs:
-        causes = "; ".join(map(str, refused.values())) or f"no file ends in {', '.join(SUFFIXES)}"
+        endings = ", ".join(sorted({ending for each in formats() for ending in each.suffixes}))
+        causes = "; ".join(map(str, refused.values())) or f"no file ends in {endings}"
         raise EmptyLogError(f"has no usable log: {causes}", path=folder)
     parts = [_tagged(name, run) for name, run in runs.items()]
     summary = pd.DataFrame([_summed(name, run) for name, run in runs.items()])

@@ -11,8 +11,9 @@ from mcap.writer import IndexType, Writer
 
 from cpl.logs import RunInfo
 from cpl.logs.info import METADATA, packed
-from cpl.logs.salvage import salvage
+from cpl.logs.salvage import messages, survey
 from cpl.logs.schema import CHANNELS
+from cpl.logs.source import Source
 from cpl.logs.writer import encoded_run
 
 
@@ -55,6 +56,16 @@ def make_rows(n, seed=0):
             }
         )
     return rows
+
+
+def salvage(data):
+    """All that is confirmed in the bytes of a run's file."""
+    found = survey(Source.of(data))
+    return SimpleNamespace(
+        messages=list(messages(found, range(1 << 16))),
+        channels=list(found.channels.values()),
+        damages=found.damages,
+    )
 
 
 @pytest.fixture(scope="session")

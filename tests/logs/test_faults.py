@@ -205,7 +205,11 @@ UNUSABLE = {
     "frames of the whole": (described(frames='{"world":"y up"}'), FrameError, "frames must be"),
     "a channel nobody knows": (described(channels='["/x"]'), SchemaError, "'/x'"),
     "a seed that is none": (described(seed='"three"'), SchemaError, "seed must be"),
-    "no description": (lambda log: log.metadata.clear(), SchemaError, "cpl did not write it"),
+    "no description": (
+        lambda log: log.metadata.clear(),
+        ProvenanceError,
+        "does not say where it comes from",
+    ),
 }
 
 

@@ -11,8 +11,16 @@ from mcap.exceptions import McapError
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
-from cpl.logs import DamagedLogError, EmptyLogError, LogError, NotALogError, read_run
-from cpl.logs.salvage import MAGIC, salvage
+from cpl.logs import (
+    DamagedLogError,
+    EmptyLogError,
+    LogError,
+    MissingChannelError,
+    NotALogError,
+    read_run,
+)
+from cpl.logs.salvage import MAGIC
+from tests.logs.conftest import salvage
 
 
 def recovered(data, path, whole_run):
@@ -180,7 +188,7 @@ def test_a_chunk_that_claims_terabytes_is_refused_without_asking_for_them(whole,
         (MAGIC, DamagedLogError),
         (MAGIC[:5], NotALogError),
         (b"\0" * 500, NotALogError),
-        (b"t_s,x_m\n0,1\n", NotALogError),
+        (b"t_s,x_m\n0,1\n", MissingChannelError),
         (np.random.default_rng(0).bytes(5000), NotALogError),
         (MAGIC + np.random.default_rng(0).bytes(5000), DamagedLogError),
     ],

@@ -34,7 +34,7 @@ from cpl.logs import (
 )
 from cpl.logs.axes import to_ros
 from cpl.logs.checks import rotation
-from cpl.logs.from_bag import confidence_of, read_bag
+from cpl.logs.poses import confidence_of
 from cpl.store import data_path, project_root
 
 REAL = "real-T265-third-party"
@@ -191,7 +191,7 @@ def test_another_parameter_of_the_driver_is_noticed_and_can_be_given(tmp_path):
     path = bag(tmp_path / "bag", {"/odom": walk(base=0.1)})
     run = read_run(path, provenance=REAL)
     assert "/odometry/confidence" in run.missing  # not: one lower than it was
-    run = read_bag(path, provenance=REAL, linear_accel_cov=0.1)
+    run = read_run(path, provenance=REAL, linear_accel_cov=0.1)
     assert run.table["confidence"].tolist() == [k % 4 for k in range(40)]
 
 
@@ -316,9 +316,9 @@ def test_times_since_1970_keep_their_nanoseconds(tmp_path):
         ({"said": "# provenance: real-Go1\n"}, FrameError, "which way its axes point"),
         ({"said": SAID.replace("ros", "down")}, FrameError, "got 'down'"),
         ({"said": SAID + "# axes: t265\n"}, DuplicateChannelError, "stated twice"),
-        ({"said": SAID.replace("ros", "t265")}, FrameError, "no meaning in the T265's axes"),
+        ({"said": SAID.replace("ros", "t265")}, FrameError, "no meaning in the axes 't265'"),
         ({"said": SAID + "# seed: x\n"}, SchemaError, "a.csv"),
-        ({"encoding": "utf-16"}, DamagedLogError, "not UTF-8"),
+        ({"encoding": "utf-16"}, NotALogError, "is UTF-16"),
     ],
 )
 def test_a_csv_that_leaves_a_question_open_is_refused(tmp_path, options, error, says):
@@ -480,10 +480,12 @@ def test_turning_axes_keeps_what_a_rotation_does():
 @pytest.mark.parametrize(
     ("name", "data", "error", "says"),
     [
-        ("a.txt", b"hello", NotALogError, "is none of .bag, .csv"),
+        ("a.txt", b"hello", NotALogError, "is none of the formats that are read (bag, cpl, csv"),
         ("a.nc", b"CDF\x01rest", NotALogError, "is netCDF 3"),
-        ("a.nc", b"nothing", DamagedLogError, "cannot be read"),
-        ("a.bag", b"nothing", DamagedLogError, "cannot be read"),
+        ("a.nc", b"nothing", NotALogError, "is none of the formats"),
+        ("a.bag", b"nothing", NotALogError, "is none of the formats"),
+        ("a.csv", b"\x1f\x8b rest", NotALogError, "gunzip FILE"),
+        ("a.csv", b"a,b,c\n1,2,3\n", NotALogError, "nearest is csv: its header names no column"),
         ("a.db3", b"SQLite format 3\0", DamagedLogError, "cannot be read"),
         ("a.csv", b"", EmptyLogError, "no content"),
     ],

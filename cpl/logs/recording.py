@@ -1,0 +1,302 @@
+"""A recording of messages, of whatever kind of file: its topics, and the messages of some."""
+
+from __future__ import annotations
+
+import sqlite3
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Container, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from cpl.logs.bag_salvage import BagSurvey, bag_messages, survey_bag
+from cpl.logs.budget import LARGEST_FILE, LARGEST_MESSAGE
+from cpl.logs.errors import DamagedLogError, EmptyLogError, NotALogError
+from cpl.logs.salvage import Damage, Survey, messages, survey
+from cpl.logs.source import Source
+
+__all__ = ["Bag1", "Bag2", "McapFiles", "Recording", "Topic", "opened"]
+
+
+@dataclass(kw_only=True)
+class Topic:
+    """A topic of a recording.
+
+    Attributes:
+        name: Its name.
+        kind: The type of its messages, as ROS 2 writes it, or as the schema is named.
+        encoding: How they are written: `cdr`, `ros1`, `json` or another.
+        definition: What the file says of their layout; empty if it says nothing.
+        held: How many there are.
+        expected: How many there are by the file's own count; None if that is lost.
+    """
+
+    name: str
+    kind: str
+    encoding: str
+    definition: str = ""
+    held: int = 0
+    expected: int | None = None
+
+
+class Recording(ABC):
+    """What can be asked of any recording of messages.
+
+    Attributes:
+        topics: By name.
+        damages: What could not be confirmed.
+        notes: What is to be said of sound parts.
+        size: Of all its files [byte].
+    """
+
+    def __init__(self) -> None:
+        self.topics: dict[str, Topic] = {}
+        self.damages: list[Damage] = []
+        self.notes: list[str] = []
+        self.size = 0
+        self._open = ExitStack()
+
+    @abstractmethod
+    def messages(self, wanted: Container[str]) -> Iterator[tuple[str, int, bytes]]:
+        """Yield name of the topic, time of receipt [ns] and content, in the order of the file."""
+
+    def close(self) -> None:
+        """Close its files."""
+        self._open.close()
+
+    def _topic(self, topic: Topic) -> None:
+        """Add what a file says of a topic to what others said."""
+        known = self.topics.setdefault(topic.name, topic)
+        if known is topic:
+            return
+        if (known.kind, known.encoding) != (topic.kind, topic.encoding):
+            what = f"topic {topic.name} has messages of two types, {known.kind} and {topic.kind}"
+            self.damages.append(Damage(at=0, size=0, what=what))
+            return
+        known.held += topic.held
+        both = known.expected is not None and topic.expected is not None
+        known.expected = (known.expected or 0) + (topic.expected or 0) if both else None
+
+
+class Bag1(Recording):
+    """A ROS 1 bag."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._bag: BagSurvey = survey_bag(self._open.enter_context(Source.open(path)))
+        self.size, self.damages = self._bag.source.size, self._bag.damages
+        self.notes.append("ROS 1 bags carry no checksums: a changed digit in one cannot be seen")
+        expected = self._bag.expected
+        for number, each in self._bag.connections.items():
+            self._topic(
+                Topic(
+                    name=each.topic,
+                    kind=each.msgtype,
+                    encoding="ros1",
+                    definition=each.msgdef,
+                    held=self._bag.held[number],
+                    expected=None if expected is None else expected.get(number, 0),
+                )
+            )
+
+    def messages(self, wanted: Container[str]) -> Iterator[tuple[str, int, bytes]]:
+        """As :meth:`Recording.messages`."""
+        names = {n: c.topic for n, c in self._bag.connections.items() if c.topic in wanted}
+        for number, received_ns, raw in bag_messages(self._bag, names):
+            yield names[number], received_ns, raw
+
+
+class McapFiles(Recording):
+    """One MCAP file of any program, or several that follow each other."""
+
+    def __init__(self, paths: list[Path]) -> None:
+        super().__init__()
+        self._files: list[Survey] = []
+        for path in paths:
+            found = survey(self._open.enter_context(Source.open(path)), foreign=True)
+            self._files.append(found)
+            self.size += found.source.size
+            for each in found.damages:
+                where = f"{path.name}: " if len(paths) > 1 else ""
+                self.damages.append(Damage(at=each.at, size=each.size, what=where + each.what))
+            for topic in self._told(found):
+                self._topic(topic)
+        unchecked = sum(each.unchecked + len(each.loose) for each in self._files)
+        if unchecked:
+            what = (
+                f"{unchecked} chunks or messages have no checksum: a changed digit cannot be seen"
+            )
+            self.notes.append(what)
+
+    @staticmethod
+    def _told(found: Survey) -> Iterator[Topic]:
+        for number, each in found.channels.items():
+            schema = found.schemas.get(each.schema_id)
+            text = schema.data if schema and schema.encoding in ("ros1msg", "ros2msg") else b""
+            kind = schema.name if schema else ""
+            if schema and schema.encoding == "ros1msg" and "/msg/" not in kind:
+                kind = kind.replace("/", "/msg/", 1)
+            yield Topic(
+                name=each.topic,
+                kind=kind,
+                encoding=each.message_encoding,
+                definition=text.decode(errors="replace"),
+                held=found.held[number],
+                expected=None if found.expected is None else found.expected.get(number, 0),
+            )
+
+    def messages(self, wanted: Container[str]) -> Iterator[tuple[str, int, bytes]]:
+        """As :meth:`Recording.messages`."""
+        for found in self._files:
+            names = {n: c.topic for n, c in found.channels.items() if c.topic in wanted}
+            for _, message in messages(found, names):
+                yield names[message.channel_id], message.log_time, message.data
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Metadata:
+    """What a ROS 2 bag's `metadata.yaml` says that is needed here."""
+
+    files: list[str] = field(default_factory=list)
+    compression: str = ""
+    mode: str = ""
+    count: int | None = None
+
+
+class Bag2(Recording):
+    """ROS 2 messages in SQLite files: one `.db3`, or several that follow each other."""
+
+    def __init__(self, paths: list[Path]) -> None:
+        super().__init__()
+        self._files: list[tuple[Path, sqlite3.Connection]] = []
+        self._steps = 0
+        for path in paths:
+            with Source.open(path) as source:
+                self.size += source.size
+            link = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+            self._open.callback(link.close)
+            self._guarded(link)
+            try:
+                self._tables(link, path)
+                for topic in self._told(link):
+                    self._topic(topic)
+            except sqlite3.Error as error:
+                what = f"the file cannot be read ({error})"
+                raise DamagedLogError(what, path=path) from error
+            self._files.append((path, link))
+
+    def messages(self, wanted: Container[str]) -> Iterator[tuple[str, int, bytes]]:
+        """As :meth:`Recording.messages`."""
+        for path, link in self._files:
+            link.text_factory = bytes
+            count = 0
+            try:
+                topics = dict(link.execute("SELECT id, name FROM topics LIMIT 10000").fetchall())
+                names = {n: name.decode(errors="replace") for n, name in topics.items()}
+                for number, received_ns, data in link.execute(
+                    "SELECT topic_id, timestamp, data FROM messages"
+                ):
+                    count += 1
+                    if names.get(number) in wanted and isinstance(received_ns, int):
+                        yield names[number], received_ns, data if isinstance(data, bytes) else b""
+            except (sqlite3.Error, OverflowError) as error:
+                what = f"{path.name}: after {count} messages the file cannot be read ({error})"
+                self.damages.append(Damage(at=0, size=0, what=what))
+
+    def _guarded(self, link: sqlite3.Connection) -> None:
+        """Let a hostile file neither run its own code, nor run for ever, nor fill the memory."""
+        most = 50_000 + self.size // 100  # some hundred bytes a thousand instructions
+
+        def step() -> int:
+            self._steps += 1
+            return int(self._steps > most)
+
+        link.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 64 * LARGEST_MESSAGE)
+        link.execute("PRAGMA trusted_schema = OFF")
+        link.execute("PRAGMA cell_size_check = ON")
+        link.set_progress_handler(step, 1000)
+
+    @staticmethod
+    def _tables(link: sqlite3.Connection, path: Path) -> None:
+        kinds = dict(link.execute("SELECT name, type FROM sqlite_master LIMIT 1000").fetchall())
+        for name in ("topics", "messages"):
+            if kinds.get(name) != "table":
+                have = kinds.get(name, "nothing")
+                raise NotALogError(f"is SQLite, but {name!r} is {have}, not a table", path=path)
+        hidden = link.execute(
+            "SELECT count(*) FROM pragma_table_xinfo('messages') WHERE hidden > 1"
+        ).fetchone()[0]
+        if hidden:
+            raise NotALogError("computes columns of its messages, which no bag does", path=path)
+
+    @staticmethod
+    def _told(link: sqlite3.Connection) -> Iterator[Topic]:
+        held = Counter(number for (number,) in link.execute("SELECT topic_id FROM messages"))
+        topics = "SELECT id, name, type, serialization_format FROM topics LIMIT 10000"
+        for number, name, kind, encoding in link.execute(topics):
+            yield Topic(name=str(name), kind=str(kind), encoding=str(encoding), held=held[number])
+
+
+def opened(path: Path) -> Recording:
+    """Open a ROS 2 bag: its folder, or one of its files.
+
+    Raises:
+        LogError: There is none, or a part of it is missing.
+    """
+    if path.is_file():
+        return (Bag2 if _is_sqlite(path) else McapFiles)([path])
+    told = _described(path / "metadata.yaml")
+    if told.compression and told.mode.lower() == "message":
+        what = (
+            f"compresses each message by {told.compression}, which is not read: "
+            "`ros2 bag convert` writes it anew"
+        )
+        raise NotALogError(what, path=path)
+    paths = [path / Path(name).name for name in told.files]
+    missing = [each.name for each in paths if not each.is_file()]
+    there = [each for each in paths if each.is_file()]
+    packed = [each.name for each in there if each.suffix in (".zstd", ".zst")]
+    if packed:
+        what = f"holds {', '.join(packed)}, compressed as files: `unzstd FILE` first"
+        raise NotALogError(what, path=path)
+    if not there:
+        raise EmptyLogError("has no file of those that metadata.yaml names", path=path)
+    kinds = {_is_sqlite(each) for each in there}
+    if len(kinds) > 1:
+        raise NotALogError("mixes SQLite and MCAP files", path=path)
+    bag = (Bag2 if kinds == {True} else McapFiles)(there)
+    bag.damages += [Damage(at=0, size=0, what=f"{name} is missing") for name in missing]
+    held = sum(topic.held for topic in bag.topics.values())
+    if told.count is not None and told.count > held:
+        what = f"metadata.yaml counts {told.count} messages, {held} are there"
+        bag.damages.append(Damage(at=0, size=0, what=what))
+    return bag
+
+
+def _is_sqlite(path: Path) -> bool:
+    with Source.open(path) as source:
+        return source.read(0, 6) == b"SQLite"
+
+
+def _described(path: Path) -> _Metadata:
+    """Read what is needed of a `metadata.yaml`, line by line: nothing in it is ever built."""
+    with Source.open(path) as source:
+        text = source.read(0, min(source.size, LARGEST_FILE, 1 << 20)).decode(errors="replace")
+    files: list[str] = []
+    said: dict[str, str] = {}
+    listing = False
+    for line in text.splitlines():
+        name, _, value = line.strip().partition(":")
+        if line.strip().startswith("- ") and listing:
+            files.append(line.strip()[2:].strip().strip("\"'"))
+            continue
+        listing = name == "relative_file_paths"
+        said.setdefault(name, value.strip().strip("\"'"))
+    counted = said.get("message_count", "")
+    return _Metadata(
+        files=files,
+        compression=said.get("compression_format", ""),
+        mode=said.get("compression_mode", ""),
+        count=int(counted) if counted.isdecimal() and len(counted) < 19 else None,
+    )
