@@ -261,7 +261,11 @@ class _File:
             what = f"cannot read the date in {said!r}"
             raise UnitError(what, path=self._path, where="time") from error
         since = epoch - datetime(1970, 1, 1, tzinfo=UTC)
-        return _STEPS[match["unit"]], (since.days * 86_400 + since.seconds) * NS + nanos
+        start = (since.days * 86_400 + since.seconds) * NS + nanos
+        if not -LAST_NS < start < LAST_NS:
+            what = f"counts from {match['date']}, which no recording does"
+            raise UnitError(what, path=self._path, where="time")
+        return _STEPS[match["unit"]], start
 
     def _stamps(
         self, begin: int, end: int, step: int, epoch: int, sieve: Sieve
