@@ -32,7 +32,7 @@ EXTRAS = {
     "playwright": ("playwright", "browser"),
     "pypdf": ("pypdf", "browser"),
     "pyrealsense2": ("pyrealsense2", "t265"),
-    "rosbags": ("rosbags", "logs"),
+    "rosbags": ("rosbags", "tools"),
     "sphinx": ("sphinx", "book"),
     "stable_baselines3": ("stable-baselines3", "learn"),
     "torch": ("torch", "learn"),

@@ -60,8 +60,8 @@ def finished(
         UnitError: As `checks.check_run`.
         FrameError: As `checks.check_run`.
     """
-    clock = ordered(np.frombuffer(sieve.stamps, dtype=np.int64)) if sieve.rows else None
-    if clock is not None:
+    clock, start = ordered(np.frombuffer(sieve.stamps, dtype=np.int64)), 0
+    if sieve.rows:
         same = _name_times(clock, sieve)
         if same:
             notes = [*notes, f"{same} rows are written twice, the same; once is enough"]
@@ -70,7 +70,7 @@ def finished(
         early = clock.time_ns < start
         if early.any():
             clock = _later(clock, early, sieve, start)
-    if clock is None or not len(clock.kept):
+    if not len(clock.kept):
         causes = "; ".join(str(fault) for fault in sieve.faults[:3])
         raise EmptyLogError(f"has no usable row{': ' * bool(causes)}{causes}", path=path)
     if origin != "stated" and start > LONG_AGO_NS and not info.start_unix_ns:

@@ -236,7 +236,8 @@ class _Reader:
         poses = [pose for _, _, pose in block]
         received = [receipt for _, receipt, _ in block]
         stamps = received if self._by_receipt else [pose.stamp_ns for pose in poses]
-        columns = dict(zip(_NAMES, np.array([pose.values for pose in poses]).T, strict=False))
+        values = np.array([pose.values for pose in poses])
+        columns: dict[str, Array] = dict(zip(_NAMES, values.T, strict=False))
         for axis in "xyz":
             columns[f"{axis}_m"] = columns[f"{axis}_m"] * self._options.scale_m
         if self._options.quaternion == "wxyz":

@@ -198,8 +198,9 @@ class Bag2(Recording):
                     "SELECT topic_id, timestamp, data FROM messages"
                 ):
                     count += 1
-                    if names.get(number) in wanted and isinstance(received_ns, int):
-                        yield names[number], received_ns, data if isinstance(data, bytes) else b""
+                    name = names.get(number, "")
+                    if name in wanted and isinstance(received_ns, int):
+                        yield name, received_ns, data if isinstance(data, bytes) else b""
             except (sqlite3.Error, OverflowError) as error:
                 what = f"{path.name}: after {count} messages the file cannot be read ({error})"
                 self.damages.append(Damage(at=0, size=0, what=what))

@@ -213,7 +213,7 @@ _LIMITS = {"m": FARTHEST_M, "m/s": FASTEST, "rad/s": FASTEST}
 
 def _flat(column: str, meaning: str, unit: str = "-", **rest: Any) -> Field:  # noqa: ANN401
     limit = _LIMITS.get(unit, LARGEST)
-    ends = {"low": -limit, "high": limit} | rest
+    ends: dict[str, Any] = {"low": -limit, "high": limit, **rest}
     return Field(column=column, meaning=meaning, unit=unit, at=(column,), **ends)
 
 

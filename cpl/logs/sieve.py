@@ -172,7 +172,9 @@ class Sieve:
             bad = good & ~(np.abs(length - 1) <= UNIT_TOLERANCE)
             good &= ~bad
             for at in self._to_show(bad, QuaternionError):
-                self.drop(QuaternionError, self.place.format(places[at]), _length(length[at]))
+                self.drop(
+                    QuaternionError, self.place.format(places[at]), _length(float(length[at]))
+                )
             yaw = _yaws(*quaternion)
             said = columns.get("yaw_rad", yaw)
             apart = np.abs((said - yaw + np.pi) % (2 * np.pi) - np.pi)

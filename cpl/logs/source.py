@@ -7,7 +7,7 @@ import io
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import BinaryIO, Self
+from typing import BinaryIO, Self, cast
 
 from cpl.logs.budget import LARGEST_FILE, PIECE, Budget
 from cpl.logs.errors import EmptyLogError, NotALogError
@@ -223,7 +223,9 @@ def _zstd(source: Source, at: int, size: int) -> Iterator[bytes]:
     decompressor = zstandard.ZstdDecompressor(max_window_size=LARGEST_WINDOW)
     try:
         with decompressor.stream_reader(
-            _Stretch(source, at, size), read_size=min(size, PIECE), read_across_frames=True
+            cast("BinaryIO", _Stretch(source, at, size)),
+            read_size=min(size, PIECE),
+            read_across_frames=True,
         ) as reader:
             while piece := reader.read(PIECE):
                 yield piece

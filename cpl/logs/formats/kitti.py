@@ -67,7 +67,7 @@ def _posed(read: dict[str, Array]) -> tuple[dict[str, Array], list[tuple[NDArray
         off = np.abs(turn @ turn.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
         bad = ~((off < TOLERANCE) & (np.linalg.det(np.nan_to_num(turn)) > 0))
     turn = np.where(bad[:, None, None], np.eye(3), turn)
-    columns = dict(zip(("x_m", "y_m", "z_m"), matrix[:, :, 3].T, strict=True))
+    columns: dict[str, Array] = dict(zip(("x_m", "y_m", "z_m"), matrix[:, :, 3].T, strict=True))
     columns |= dict(zip(QUATERNION, quaternion_of(turn).T, strict=True))
     return columns, [(bad, QuaternionError, "its first nine numbers are no rotation")]
 

@@ -149,7 +149,8 @@ class _File:
                     position, quaternion, linear, angular, axes=self._axes
                 )
         names = ("x_m", "y_m", "z_m", *QUATERNION)
-        columns = dict(zip(names, (*position.T, *quaternion.T), strict=True))
+        parts = (*position.T, *quaternion.T)
+        columns: dict[str, Array] = dict(zip(names, parts, strict=True))
         if moving:
             columns |= {"v_x_mps": linear[:, 0], "v_y_mps": linear[:, 1]}
             columns["yaw_rate_radps"] = angular[:, 2]
