@@ -26,23 +26,12 @@ from cpl.forecast.methods import METHODS
 MODULES = [coverage_episodes, forecast_danger, forecast_cost, forecast_ride]
 
 
-@pytest.fixture(scope="module", autouse=True)
-def store(tmp_path_factory):
-    """One work layer for this file: the networks are trained once."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CPL_STORE", str(tmp_path_factory.mktemp("forecast")))
-        yield
-
-
-@pytest.fixture(autouse=True)
-def _own_store():
-    """Replace the folder's fixture, which gives each test a layer of its own."""
+pytestmark = pytest.mark.usefixtures("shared_store")
 
 
 @pytest.fixture(scope="module")
-def tables():
-    names = ("coverage_episodes", "forecast_danger", "forecast_cost", "forecast_ride")
-    return {name: compute(name, profile="smoke").table for name in names}
+def tables(smoke):
+    return smoke("coverage_episodes", "forecast_danger", "forecast_cost", "forecast_ride")
 
 
 def made_up(rng, count=30):

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpl.experiments import compute
 from cpl.experiments.listen import beyond, why_do, why_inside, why_retrained, why_support
 from cpl.experiments.trained import agents_beyond, agents_why
 from cpl.experiments.trained.agents import need_agents
@@ -15,23 +14,12 @@ from cpl.policies.measures import SUMS, cube
 MODULES = [agents_beyond, agents_why, beyond, why_do, why_inside, why_retrained, why_support]
 
 
-@pytest.fixture(scope="module", autouse=True)
-def store(tmp_path_factory):
-    """One work layer for this file: the networks are trained once."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CPL_STORE", str(tmp_path_factory.mktemp("listening")))
-        yield
-
-
-@pytest.fixture(autouse=True)
-def _own_store():
-    """Replace the folder's fixture, which gives each test a layer of its own."""
+pytestmark = pytest.mark.usefixtures("shared_store")
 
 
 @pytest.fixture(scope="module")
-def tables():
-    names = [module.__name__.rpartition(".")[2] for module in MODULES]
-    return {name: compute(name, profile="smoke").table for name in names}
+def tables(smoke):
+    return smoke(*(module.__name__.rpartition(".")[2] for module in MODULES))
 
 
 def test_every_recipe_is_trained_and_leaves_one_network(tables):

@@ -14,25 +14,12 @@ from cpl.policies.measures import SUMS, cube, table_of
 MODULES = [pareto, controls, switch_ablation, switch_choice, exit_time, replays]
 
 
-@pytest.fixture(scope="module", autouse=True)
-def store(tmp_path_factory):
-    """One work layer for this file: the networks are trained once."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CPL_STORE", str(tmp_path_factory.mktemp("switch")))
-        yield
-
-
-@pytest.fixture(autouse=True)
-def _own_store():
-    """Replace the folder's fixture, which gives each test a layer of its own."""
+pytestmark = pytest.mark.usefixtures("shared_store")
 
 
 @pytest.fixture(scope="module")
-def tables():
-    return {
-        name: compute(name, profile="smoke").table
-        for name in ("pareto", "controls", "switch_ablation", "switch_choice", "exit_time")
-    }
+def tables(smoke):
+    return smoke("pareto", "controls", "switch_ablation", "switch_choice", "exit_time")
 
 
 def test_every_curve_is_whole(tables):

@@ -13,23 +13,12 @@ from cpl.experiments.trained.listening import AGENTS, decoded, hearing_of, penal
 from cpl.network import decode_networks
 from cpl.policies.listen import Penalty
 
-
-@pytest.fixture(scope="module", autouse=True)
-def store(tmp_path_factory):
-    """One work layer for this file: the networks are trained once."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CPL_STORE", str(tmp_path_factory.mktemp("listeners")))
-        yield
-
-
-@pytest.fixture(autouse=True)
-def _own_store():
-    """Replace the folder's fixture, which gives each test a layer of its own."""
+pytestmark = pytest.mark.usefixtures("shared_store")
 
 
 @pytest.fixture(scope="module")
-def trained():
-    return compute("listeners", profile="smoke").table
+def trained(smoke):
+    return smoke("listeners")["listeners"]
 
 
 def test_every_agent_is_trained_and_found_again(trained):
@@ -150,8 +139,8 @@ def test_impossible_grids_are_refused(change, message):
 
 
 @pytest.fixture(scope="module")
-def table():
-    return compute("table1", profile="smoke").table
+def table(smoke):
+    return smoke("table1")["table1"]
 
 
 def test_everybody_drives_the_same_seeds_in_every_range(table):
