@@ -12,11 +12,12 @@ from cpl.claims import _ledger, ledger
 from cpl.experiments import published
 from cpl.experiments.listen import replays
 from cpl.policies.measures import SUMS
-from cpl.publish.live import as_script, files_for_page, files_for_site, tracker_vectors
+from cpl.publish.live import as_script, files_for_page, files_for_site
 from cpl.publish.live._pareto import points
 from cpl.publish.live._rides import FRAMES_PER_SECOND, opening_moments, ride_scripts, scenes
 from cpl.store import project_root
 from tests.node import node
+from tests.publish.vectors import tracker_vectors
 
 STATIC = project_root() / "book" / "_static" / "live"
 
