@@ -37,6 +37,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Print the parameters and the numbers that differ."""
+    project_root()  # a chapter lies in the repository
     from cpl.publish.numbers import compare
 
     if args.before == args.after == "published":

@@ -47,6 +47,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Compute, then print claim against claim."""
+    root = project_root()
     from cpl.reproduce.reproduction import plan, reproduce, unpublished
     from cpl.store import atomic_write, data_path
 
@@ -63,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
         return _expected(steps)
     chosen = dict.fromkeys(args.without, "by choice")
     nothing = {} if args.experiment else dict.fromkeys(unpublished(), "nothing published")
-    folder = args.out or project_root() / "_build" / "reproduce"
+    folder = args.out or root / "_build" / "reproduce"
 
     def report(line: str) -> None:
         print(line, file=sys.stderr, flush=True)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cpl.cli import UsageError, project_root
+from cpl.cli import UsageError
+from cpl.environ import kept_path
 
 if TYPE_CHECKING:
     from cpl.quadruped import Predictor
@@ -105,10 +107,6 @@ def run(args: argparse.Namespace) -> int:
         return 1
     except ValueError as error:
         raise UsageError(str(error)) from error
-    except OSError as error:
-        what = f"{error.strerror}: {error.filename}" if error.filename else str(error)
-        print(f"cpl robot {args.action}: {what}", file=sys.stderr)
-        return 1
 
 
 def _do_rehearse(args: argparse.Namespace) -> int:
@@ -316,14 +314,14 @@ def _asked(question: str) -> bool:
 def _analyse(folder: Path) -> None:
     """Say how to open the analysis chapter on these logs."""
     there = folder.resolve()
-    inside = there.is_relative_to(project_root())
-    shown = there.relative_to(project_root()) if inside else there
+    root = Path(__file__).resolve().parents[2]
+    shown = there.relative_to(root) if there.is_relative_to(root) else there
     print(f"\ncpl run logs --set folder={shown}")
 
 
 def _new_folder(kind: str) -> Path:
     stamp = time.strftime("%Y%m%d-%H%M%S")
-    return project_root() / "_build" / "robot" / f"{kind}-{stamp}"
+    return kept_path("robot", f"{kind}-{stamp}-{os.getpid()}")
 
 
 def _say(text: str) -> None:

@@ -25,6 +25,7 @@ def run(args: argparse.Namespace) -> int:
     from cpl.cli import UsageError
     from cpl.experiments import names
     from cpl.experiments.run.publication import experiment
+    from cpl.optional import explain
 
     if args.record:
         from cpl.experiments.run.costs import record
@@ -34,9 +35,13 @@ def run(args: argparse.Namespace) -> int:
     try:
         chosen = [args.experiment] if args.experiment else list(names())
         for name in chosen:
-            question = (experiment(name).__doc__ or "").partition("\n")[0]
+            try:
+                question = (experiment(name).__doc__ or "").partition("\n")[0]
+                lines = (*_computed(name), *_published(name))
+            except ImportError as error:  # one experiment lacks a library, the others need not
+                question, lines = "cannot be looked at here", (explain(error) or str(error),)
             print(f"{name}: {question}")
-            for line in (*_computed(name), *_published(name)):
+            for line in lines:
                 print(f"  {line}")
     except ValueError as error:
         raise UsageError(error) from error
