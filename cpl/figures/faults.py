@@ -15,6 +15,7 @@ __all__ = ["TOPICS", "Counts", "read", "read_alone"]
 TOPICS = {
     "formats": "stored files, cut short or with one bit flipped",
     "logs": "logs whose bytes are whole and whose content cannot be",
+    "recordings": "recordings of every format, spoiled where the format is vulnerable",
     "hostile": "what somebody may send us to run their code",
     "kills": "killed processes, full and read-only disks",
 }
@@ -22,6 +23,7 @@ TOPICS = {
 
 _OUTCOMES = ("refused", "recovered", "harmless", "silent")
 _HEADS = {"place": "where", "fault": "fault", "tried": "tried", "refused": "refused"}
+_WORST = {"worst_mb": "memory [MB]", "worst_s": "time [s]"}
 _HEADS |= {"recovered": "recovered", "harmless": "harmless", "silent": "wrong and silent"}
 
 
@@ -80,7 +82,17 @@ class Counts:
             raise ValueError(msg)
         if topic not in self.topics:
             return Table(f"*{TOPICS[topic]}: not counted with this edition.*")
-        return table(self.topics[topic]["rows"], columns=_HEADS)
+        rows = self.topics[topic]["rows"]
+        measured = any(row.get("worst_mb") is not None for row in rows)
+        return table(rows, columns=_HEADS | (_WORST if measured else {}))
+
+    def worst(self, topic: str) -> tuple[float, float]:
+        """Return the most memory [MB] and processor time [s] that one attempt of a topic took."""
+        rows = self.topics[topic]["rows"] if topic in self.topics else []
+        return (
+            max((row.get("worst_mb") or 0.0 for row in rows), default=0.0),
+            max((row.get("worst_s") or 0.0 for row in rows), default=0.0),
+        )
 
 
 def read(path: Path) -> Counts:
