@@ -93,8 +93,8 @@ def _run(folder: Path) -> _Run:
     if found is None:
         msg = f"the run in {folder} was damaged: its files do not agree with their digests"
         raise ValueError(msg)
-    notebook, told = found
-    return _Run(told["chapter"], told["parameters"], quoted(notebook), str(folder))
+    notebook, record = found
+    return _Run(record["chapter"], record["parameters"], quoted(notebook), str(folder))
 
 
 def _key(record: Path) -> str:

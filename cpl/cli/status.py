@@ -59,8 +59,8 @@ def _computed(name: str) -> list[str]:
     for profile in experiment(name).PROFILES:
         task = job(name, profile)
         asked = without_extent(task.module, plain(task.config))
-        ours = {key: told for key, told in kept.items() if told.get("parameters") == asked}
-        today = [key for key, told in ours.items() if not _changed(told, task.origin)]
+        ours = {key: record for key, record in kept.items() if record.get("parameters") == asked}
+        today = [key for key, record in ours.items() if not _changed(record, task.origin)]
         there = {shard for key in today for shard in store.shards(name, key)} & task.pieces.keys()
         if there:
             lines.append(f"{profile}: {len(there)} of {len(task.pieces)} shards computed")
@@ -70,12 +70,12 @@ def _computed(name: str) -> list[str]:
     return lines or ["nothing computed here"]
 
 
-def _changed(told: Mapping[str, Any], origin: str) -> list[str]:
+def _changed(record: Mapping[str, Any], origin: str) -> list[str]:
     """Name the modules and packages that differ from those of an earlier computation."""
     from cpl.store import module_digests, versions_below
 
     now = module_digests(origin) | versions_below(origin)
-    before = {**told.get("modules", {}), **told.get("versions", {})}
+    before = {**record.get("modules", {}), **record.get("versions", {})}
     names = sorted(before.keys() | now.keys())
     return [name for name in names if before.get(name) != now.get(name)]
 
@@ -89,8 +89,8 @@ def _published(name: str) -> list[str]:
     for manifest in manifests():
         if manifest.experiment != name:
             continue
-        told = published(name, manifest.profile).provenance
-        checked = f"verified {told.verified}" if told.verified else "UNVERIFIED"
-        lines.append(f"{told.profile}: published, made {told.made}, {checked}")
-        lines += [f"  {reason}" for reason in told.stale]
+        provenance = published(name, manifest.profile).provenance
+        checked = f"verified {provenance.verified}" if provenance.verified else "UNVERIFIED"
+        lines.append(f"{provenance.profile}: published, made {provenance.made}, {checked}")
+        lines += [f"  {reason}" for reason in provenance.stale]
     return lines or ["nothing published"]

@@ -35,7 +35,7 @@ class Counts:
 
     def total(self, outcome: str = "tried") -> int:
         """Return how many attempts there were, or how many ended in one way."""
-        return sum(row[outcome] for told in self.topics.values() for row in told["rows"])
+        return sum(row[outcome] for topic in self.topics.values() for row in topic["rows"])
 
     def verdict(self) -> str:
         """Say how many attempts there were and how many were wrong and silent, if any counted."""
@@ -48,11 +48,11 @@ class Counts:
         """Say when and where they were counted, and what was not."""
         if not self.topics:
             return "Not counted with this edition: `make faults` counts them."
-        told = list(self.topics.values())
-        dates = sorted({part["made"] for part in told})
-        commits = sorted({part["commit"][:8] for part in told})
-        machine = told[0]["machine"]
-        versions = ", ".join(f"{name} {v}" for name, v in told[0]["versions"].items())
+        topics = list(self.topics.values())
+        dates = sorted({part["made"] for part in topics})
+        commits = sorted({part["commit"][:8] for part in topics})
+        machine = topics[0]["machine"]
+        versions = ", ".join(f"{name} {v}" for name, v in topics[0]["versions"].items())
         text = (
             f"Counted {' and '.join(dates)} at {' and '.join(commits)} on {machine['processor']} "
             f"({machine['system']}); {versions}."
@@ -66,8 +66,8 @@ class Counts:
             return Table(f"*{self.where()}*")
         rows = [
             {"topic": TOPICS.get(name, name)}
-            | {key: sum(row[key] for row in told["rows"]) for key in ("tried", *_OUTCOMES)}
-            for name, told in self.topics.items()
+            | {key: sum(row[key] for row in topic["rows"]) for key in ("tried", *_OUTCOMES)}
+            for name, topic in self.topics.items()
         ]
         return table(rows, columns={"topic": "topic", **dict(list(_HEADS.items())[2:])})
 
@@ -97,8 +97,8 @@ class Counts:
 
 def read(path: Path) -> Counts:
     """Read the stored counts; none of them if there is no such file."""
-    told = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    return Counts(topics={name: told[name] for name in TOPICS if name in told})
+    topics = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    return Counts(topics={name: topics[name] for name in TOPICS if name in topics})
 
 
 def read_alone(damaged: bytes, whole: bytes) -> str:

@@ -21,7 +21,7 @@ from cpl.stats import (
     sums,
 )
 
-__all__ = ["beside", "contrast", "difference", "over_pairs", "speaks", "told"]
+__all__ = ["beside", "contrast", "difference", "over_pairs", "speaks", "with_interval"]
 
 Which = Mapping[str, object]
 Floats = NDArray[np.float64]
@@ -121,11 +121,11 @@ def over_pairs(values: pd.Series) -> Estimate:
     return mean_interval(kept.to_numpy(np.float64))
 
 
-def told(estimate: Estimate, form: str = "{:+.1f}") -> str:
+def with_interval(estimate: Estimate, form: str = "{:+.1f}") -> str:
     """Write an estimate with its interval.
 
     Examples:
-        >>> told(Estimate(value=1.0, low=-0.25, high=2.25, n=4), "{:+.2f}")
+        >>> with_interval(Estimate(value=1.0, low=-0.25, high=2.25, n=4), "{:+.2f}")
         '+1.00 (-0.25 to +2.25)'
     """
     value, low, high = (form.format(end) for end in (estimate.value, estimate.low, estimate.high))
