@@ -24,7 +24,7 @@ def run(args: argparse.Namespace) -> int:
     """Print one block an experiment."""
     from cpl.cli import UsageError
     from cpl.experiments import names
-    from cpl.experiments.run.publication import experiment
+    from cpl.experiments.run.job import question
     from cpl.optional import explain
 
     if args.record:
@@ -36,11 +36,10 @@ def run(args: argparse.Namespace) -> int:
         chosen = [args.experiment] if args.experiment else list(names())
         for name in chosen:
             try:
-                question = (experiment(name).__doc__ or "").partition("\n")[0]
-                lines = (*_computed(name), *_published(name))
+                asked, lines = question(name), (*_computed(name), *_published(name))
             except ImportError as error:  # one experiment lacks a library, the others need not
-                question, lines = "cannot be looked at here", (explain(error) or str(error),)
-            print(f"{name}: {question}")
+                asked, lines = "cannot be looked at here", (explain(error) or str(error),)
+            print(f"{name}: {asked}")
             for line in lines:
                 print(f"  {line}")
     except ValueError as error:
@@ -50,17 +49,15 @@ def run(args: argparse.Namespace) -> int:
 
 def _computed(name: str) -> list[str]:
     """Say for each profile what today's code has computed, and why older results are not used."""
-    from cpl.experiments.run.inputs import without_extent
-    from cpl.experiments.run.publication import experiment, job
-    from cpl.store import WorkStore, plain
+    from cpl.experiments.run.job import experiment, job
+    from cpl.store import WorkStore
 
     store, lines = WorkStore(), list[str]()
     kept = store.descriptions(name)
-    for profile in experiment(name).PROFILES:
+    for profile in experiment(name).profiles:
         task = job(name, profile)
-        asked = without_extent(task.module, plain(task.config))
-        ours = {key: record for key, record in kept.items() if record.get("parameters") == asked}
-        today = [key for key, record in ours.items() if not _changed(record, task.origin)]
+        ours = {k: note for k, note in kept.items() if note.get("parameters") == task.parameters}
+        today = [key for key, note in ours.items() if not _changed(note, task.origin)]
         there = {shard for key in today for shard in store.shards(name, key)} & task.pieces.keys()
         if there:
             lines.append(f"{profile}: {len(there)} of {len(task.pieces)} shards computed")

@@ -120,8 +120,8 @@ NOT_TRAFFIC = ["policy", "action", "l_tilde", "l_hat", "q", "safe"]
 
 def test_a_ride_is_recorded_the_same_way_twice():
     config = replays.PROFILES["smoke"]
-    (shard,) = replays.shards(config)
-    once, twice = (replays.run_shard(config, shard) for _ in range(2))
+    (shard,) = replays.EXPERIMENT.shards(config)
+    once, twice = (replays.EXPERIMENT.run(config, shard) for _ in range(2))
     pd.testing.assert_frame_equal(once, twice)
     assert set(once["policy"]) == {"speed", "switch", "safe"}
     ends = once.query("car == 0").groupby("policy")["time_s"].max()
