@@ -26,11 +26,15 @@ SCRIPTS = {
     "tracker": ("live/tracker.js", "live/kit.js", "live/playground.js"),
     "road": ("live/kit.js", "live/data/rides.js", "live/road.js"),
     "pareto": ("live/kit.js", "live/data/pareto.js", "live/pareto.js"),
+    "wheel": ("live/kit.js", "live/host.js", "live/wheel.js"),
+    "trial": ("live/kit.js", "live/host.js", "live/trial.js"),
 }
 _TITLES = {
     "tracker": "Tracker playground",
     "road": "Replay of recorded rides",
     "pareto": "Explorer of the switch's limit",
+    "wheel": "The road, to drive",
+    "trial": "The road, to experiment with",
 }
 
 

@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from cpl.claims.row import Row
 
-from cpl.cli import project_root
-
 __all__ = ["register", "run"]
 
 
@@ -31,7 +29,6 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Print the ledger, then what changed."""
-    project_root()  # what is published is in the repository
     from cpl.claims import accept, changes, ledger, own
     from cpl.store import DamagedResultError
 

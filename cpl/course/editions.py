@@ -197,7 +197,7 @@ def _hand_out(root: Path, student: Path) -> None:
         done = subprocess.run(
             [sys.executable, "-m", "pip", "--disable-pip-version-check", *words],
             capture_output=True,
-            encoding="utf-8",
+            text=True,
             check=False,
         )
     if done.returncode != 0:

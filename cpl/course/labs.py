@@ -162,7 +162,7 @@ def _otter(words: list[str], folder: Path) -> None:
         cwd=folder,
         env=quiet,
         capture_output=True,
-        encoding="utf-8",
+        text=True,
         check=False,
     )
     if done.returncode != 0:

@@ -167,7 +167,7 @@ def build_slides(
     done = subprocess.run(
         [sys.executable, "-m", "sphinx", *words, str(output)],
         capture_output=True,
-        encoding="utf-8",
+        text=True,
         check=False,
         env={
             **os.environ,

@@ -85,10 +85,8 @@ def split(rollouts: Rollouts, rng: np.random.Generator, *, held_out: float = 0.1
     """
     count = round(held_out * len(rollouts))
     if count < 1 or len(rollouts) - 2 * count < 1:
-        raise ValueError(
-            f"held_out must leave episodes for all three parts, got {held_out!r} of"
-            f" {len(rollouts)} episodes"
-        )
+        told = f"{held_out!r} of {len(rollouts)} episodes"
+        raise ValueError(f"held_out must leave episodes for all three parts, got {told}")
     place = np.argsort(rng.permutation(len(rollouts)))
     return Split(
         train=place >= 2 * count,

@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-__all__ = ["Clock", "RealClock", "Timing", "boottime", "histogram", "urgent"]
+__all__ = ["Clock", "RealClock", "Timing", "histogram", "urgent"]
 
 
 class Clock(Protocol):
@@ -26,25 +26,16 @@ class Clock(Protocol):
         ...
 
 
-def boottime() -> float:
-    """Return the time since the computer was started [s], suspended or not.
-
-    Setting the date does not move it. The monotonic clock stands still while a laptop sleeps: an
-    order from before would look fresh to it on waking.
-    """
-    return time.clock_gettime(_CLOCK)
-
-
 class RealClock:
-    """The computer's: nobody can set it, and it goes on in suspend."""
+    """The monotonic clock: setting the computer's date does not move it."""
 
     def now(self) -> float:
         """Return the time [s]."""
-        return boottime()
+        return time.monotonic()
 
     def wait(self, until: float) -> None:
         """Sleep until then."""
-        while (left := until - boottime()) > 0:
+        while (left := until - time.monotonic()) > 0:
             time.sleep(left)
 
 
@@ -128,6 +119,3 @@ def urgent(priority: int = 10) -> Iterator[bool]:
 
 def _ms(seconds: float) -> float:
     return round(float(1e3 * seconds), 3)
-
-
-_CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)  # the first is Linux's

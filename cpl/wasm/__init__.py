@@ -5,6 +5,17 @@ through LLVM; `python -m cpl.wasm` writes the module to `data/wasm/`, from where
 It runs on the engine's own arithmetic (`cpl.highway.paths`), which gives the same bits everywhere.
 """
 
-from cpl.wasm.artefact import MODULE, make, module_bytes, stale
+from cpl.wasm._exports import BLOCK, NETWORKS, RIDE
+from cpl.wasm.artefact import AGREEMENT, MODULE, make, module_bytes, note, stale
 
-__all__ = ["MODULE", "make", "module_bytes", "stale"]
+__all__ = [
+    "AGREEMENT",
+    "BLOCK",
+    "MODULE",
+    "NETWORKS",
+    "RIDE",
+    "make",
+    "module_bytes",
+    "note",
+    "stale",
+]

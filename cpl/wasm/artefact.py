@@ -6,15 +6,20 @@ import hashlib
 import json
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from cpl.store import atomic_write, data_path, project_root
 from cpl.store.source import module_digests
 
-__all__ = ["MODULE", "make", "module_bytes", "sources", "stale"]
+__all__ = ["AGREEMENT", "MODULE", "make", "module_bytes", "note", "sources", "stale"]
 
 MODULE = data_path("wasm", "road.wasm")
 _NOTE = MODULE.with_suffix(".json")
 _TOOLS = ("numba", "llvmlite", "ziglang")
+
+AGREEMENT = {"rows": 28_588, "discrete": 0, "floats": 2_678, "output": 14}
+"""Rows of the golden fixtures and how many of them differ from highway-env: in something discrete,
+in the last bits of a float of the state, in the last bits of what a step returns. A test counts."""
 
 
 def sources() -> dict[str, str]:
@@ -37,14 +42,14 @@ def make() -> bytes:
     from cpl.wasm.lower import build
 
     content = build()
-    note = {
+    made = {
         "sha256": hashlib.sha256(content).hexdigest(),
         "bytes": len(content),
         "versions": {name: version(name) for name in _TOOLS},
         "sources": sources(),
     }
     atomic_write(MODULE, content)
-    atomic_write(_NOTE, json.dumps(note, indent=1) + "\n")
+    atomic_write(_NOTE, json.dumps(made, indent=1) + "\n")
     return content
 
 
@@ -54,17 +59,20 @@ def module_bytes() -> bytes:
     Raises:
         ValueError: If it is not the one that the note speaks of.
     """
-    content, note = MODULE.read_bytes(), json.loads(_NOTE.read_text())
-    if hashlib.sha256(content).hexdigest() != note["sha256"]:
-        raise ValueError(
-            f"{MODULE.name} must have the digest in its note, {note['sha256'][:12]}..."
-        )
+    content, wanted = MODULE.read_bytes(), note()["sha256"]
+    if hashlib.sha256(content).hexdigest() != wanted:
+        raise ValueError(f"{MODULE.name} must have the digest in its note, {wanted[:12]}...")
     return content
+
+
+def note() -> dict[str, Any]:
+    """Return what the shipped module was made of: digests, versions, sources."""
+    return json.loads(_NOTE.read_text())
 
 
 def stale() -> list[str]:
     """Name the modules whose code has changed since the shipped module was made."""
-    then, now = json.loads(_NOTE.read_text())["sources"], sources()
+    then, now = note()["sources"], sources()
     return sorted(name for name in then.keys() | now.keys() if then.get(name) != now.get(name))
 
 

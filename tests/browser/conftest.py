@@ -90,6 +90,20 @@ def open_page(chromium):
         context.close()
 
 
+@pytest.fixture
+def figure(site, open_page):
+    """Open a page from disk and return its live figure, once it stands."""
+
+    def open_(page: str, **how):
+        tab, watch = open_page((site / page).as_uri(), **how)
+        stage = tab.locator("figure.live[data-ready] .live-stage").first
+        stage.wait_for()
+        assert watch.complaints == []
+        return tab, stage
+
+    return open_
+
+
 @pytest.fixture(scope="session")
 def server(site) -> Iterator[str]:
     """Serve the site on this machine; return its address."""

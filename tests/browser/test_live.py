@@ -4,26 +4,12 @@ import json
 
 import pytest
 
+from cpl.publish.live import tracker_vectors
 from cpl.store import project_root
-from tests.publish.vectors import tracker_vectors
 
 pytestmark = pytest.mark.browser
 
 PLAYGROUND, REPLAY, TRADEOFF = "book/playground.html", "book/replay.html", "book/tradeoff.html"
-
-
-@pytest.fixture
-def figure(site, open_page):
-    """Open a page from disk and return its live figure, once it stands."""
-
-    def open_(page: str, **how):
-        tab, watch = open_page((site / page).as_uri(), **how)
-        stage = tab.locator("figure.live[data-ready] .live-stage").first
-        stage.wait_for()
-        assert watch.complaints == []
-        return tab, stage
-
-    return open_
 
 
 def number(stage, name: str) -> float:

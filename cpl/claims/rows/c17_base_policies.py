@@ -11,14 +11,14 @@ __all__ = ["CLAIM"]
 
 def _decide(read: Reader) -> Finding:
     curves = read("base_policies")
-    settings = curves.parameters
+    told = curves.parameters
     as_stated = (
-        settings["steps"] == 200_000
-        and list(settings["hidden"]) == [256, 256]
-        and settings["collision_reward"] == -1.0
-        and settings["high_speed_reward"] == 0.5
+        told["steps"] == 200_000
+        and list(told["hidden"]) == [256, 256]
+        and told["collision_reward"] == -1.0
+        and told["high_speed_reward"] == 0.5
     )
-    late = curves.where(curves["step"] > settings["steps"] / 2).table
+    late = curves.where(curves["step"] > told["steps"] / 2).table
     found = {}
     for kind, rows in late.groupby("kind"):
         slopes = [

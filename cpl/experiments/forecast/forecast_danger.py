@@ -17,21 +17,22 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cpl.conformal import RunningMax, track
-from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
-from cpl.experiments.trained import base_policies
-from cpl.experiments.trained.forecasters import crash_classifier, forecaster
-from cpl.experiments.trained.needs import needs_of_pair
-from cpl.experiments.trained.pairs import Models
-from cpl.experiments.trained.policies import base_policy
+from cpl.experiments.run.need import Inputs, Need
+from cpl.experiments.run.shard import Shard
+from cpl.experiments.trained import base_policies, forecasts
+from cpl.experiments.trained.forecasters import crash_classifier, forecaster, need_forecasts
+from cpl.experiments.trained.policies import base_policy, need_base_policies
 from cpl.forecast.measures import auc
 from cpl.forecast.rollouts import Rollouts, collect, join
 from cpl.forecast.schedule import Moments, Schedule
 from cpl.forecast.suite import PREDICTOR, crash_labels
 from cpl.rng import stream
-from cpl.settings.ranges import Count, Settings
 
-__all__ = ["EXPERIMENT", "PROFILES", "Config"]
+__all__ = ["EXTENT", "LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards", "upstream"]
 
+LABEL = "simulated"
+EXTENT = ("pairs",)
+RTOL = 1e-6
 
 _VALIDATION, _TEST = 10_000_000, 20_000_000  # first environment seeds; training lies below
 _LENGTH, _HORIZON = 5, 3  # observations in a history; [steps] how far the forecast looks
@@ -42,7 +43,7 @@ Floats = NDArray[np.floating]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config(Settings):
+class Config:
     """The episodes.
 
     Attributes:
@@ -60,16 +61,23 @@ class Config(Settings):
         margin_mps: How much faster than in the training range counts as outside [m/s].
     """
 
-    pairs: Count
-    models: Models = "paper"
-    episodes: Count
-    reference: Count = 500
-    lessons: Count = 4000
-    epochs: Count = 20
+    pairs: int
+    models: str = "paper"
+    episodes: int
+    reference: int = 500
+    lessons: int = 4000
+    epochs: int = 20
     top_speeds_mps: tuple[float, ...] = (30.0, 40.0, 50.0)
     alpha: float = 0.1
     c: float = 0.1
     margin_mps: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name in ("pairs", "episodes", "reference", "lessons", "epochs"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)!r}")
+        if self.models not in base_policies.PROFILES.keys() & forecasts.PROFILES.keys():
+            raise ValueError(f"models must be a profile of base_policies, got {self.models!r}")
 
 
 PROFILES = {
@@ -77,6 +85,20 @@ PROFILES = {
     "book": Config(pairs=1, episodes=60, reference=60, lessons=400),
     "paper": Config(pairs=10, episodes=500),
 }
+
+
+def shards(config: Config) -> list[Shard]:
+    """One pair a shard."""
+    return [Shard(f"pair-{pair}", {"pair": pair}) for pair in range(config.pairs)]
+
+
+def upstream(config: Config, shard: Shard) -> list[Need]:
+    """Ask for the pair's policies and forecasters."""
+    pair = shard.number("pair")
+    return [
+        need_base_policies(base_policies.PROFILES[config.models], [pair]),
+        need_forecasts(forecasts.PROFILES[config.models], [pair]),
+    ]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -116,17 +138,6 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     table = pd.DataFrame(rows)
     table.insert(0, "pair", pair)
     return table
-
-
-EXPERIMENT = Experiment(
-    run=run_shard,
-    profiles=PROFILES,
-    shards=grid("pair-{pair}", pair="pairs"),
-    needs=needs_of_pair,
-    label="simulated",
-    extent=("pairs",),
-    rtol=1e-6,
-)
 
 
 def _learned(

@@ -1,16 +1,16 @@
 """Run the missing shards of a job, and before them those of other experiments that they need."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import pandas as pd
 
-from cpl.experiments.run.inputs import digests, published_shards
-from cpl.experiments.run.job import Job, experiment, job_of
+from cpl.experiments.run.inputs import digests, published_shards, without_extent
+from cpl.experiments.run.job import Job, job_of
+from cpl.experiments.run.need import Inputs, Need
 from cpl.experiments.run.result import Provenance, Result
-from cpl.experiments.run.spec import Inputs, Need
 from cpl.store import (
     PublishedShard,
     WorkStore,
@@ -45,7 +45,7 @@ def run_job(
         published=False,
         parameters=plain(task.config),
         seeds=_seeds(plain(task.config)),
-        label=task.spec.label,
+        label=task.module.LABEL,
         commit=source_commit(),
         modules=task.modules,
         versions=task.versions,
@@ -63,7 +63,7 @@ def run_again(task: Job, shard: str) -> pd.DataFrame:
     """Run one shard anew, whatever the store holds; its inputs are found, or computed."""
     how = _How(store=WorkStore(), workers=1, cluster=None, quiet=True)
     inputs = _inputs(task, [shard], how)[shard]
-    return _run_shard(task.name, task.config, _arguments(task, shard, inputs))
+    return _run_shard(task.module.run_shard, task.config, _arguments(task, shard, inputs))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +83,7 @@ def _swept(task: Job, names: Sequence[str], how: _How) -> Outcome:
     for key in set(keys.values()):
         how.store.describe(task.name, key, _description(task))
     return sweep(
-        partial(_run_shard, task.name, task.config),
+        partial(_run_shard, task.module.run_shard, task.config),
         {n: _arguments(task, n, inputs[n]) for n in names},
         stage=task.name,
         key=keys,
@@ -101,11 +101,11 @@ def _arguments(task: Job, shard: str, inputs: Inputs) -> tuple[Any, ...]:
 
 
 def _run_shard(
-    name: str,
+    function: Callable[..., pd.DataFrame],
     config: Any,  # noqa: ANN401 - its own Config
     shard_and_inputs: tuple[Any, ...],
 ) -> pd.DataFrame:
-    return experiment(name).run(config, *shard_and_inputs)
+    return function(config, *shard_and_inputs)
 
 
 def _inputs(
@@ -139,7 +139,7 @@ def _found(need: Need, how: _How) -> dict[str, pd.DataFrame]:
     if unknown := [name for name in need.shards if name not in task.pieces]:
         msg = f"shards of {need.experiment!r} must be among its own, got {unknown}"
         raise ValueError(msg)
-    found = published_shards(need, task.spec)
+    found = published_shards(need, task.module)
     missing = [name for name in need.shards if name not in found]
     return {**found, **(_swept(task, missing, how).tables if missing else {})}
 
@@ -147,7 +147,7 @@ def _found(need: Need, how: _How) -> dict[str, pd.DataFrame]:
 def _description(task: Job) -> dict[str, Any]:
     return {
         "experiment": task.name,
-        "parameters": task.parameters,
+        "parameters": without_extent(task.module, plain(task.config)),
         "modules": task.modules,
         "versions": task.versions,
         "shards": len(task.pieces),

@@ -15,20 +15,20 @@ from numpy.typing import NDArray
 
 from cpl.conformal import RunningMax, TrailingMax, track, track_many
 from cpl.conformal.bounds import running_maximum_bound
-from cpl.experiments.run.spec import Experiment, Shard
+from cpl.experiments.run.shard import Shard
 from cpl.experiments.theory._sequences import CLOSED, OBLIVIOUS, adversarial_scores
 from cpl.rng import stream
-from cpl.settings.ranges import Count, Settings
 
-__all__ = ["EXPERIMENT", "PROFILES", "Config"]
+__all__ = ["LABEL", "PROFILES", "Config", "run_shard", "shards"]
 
+LABEL = "simulated"
 _KINDS = (*OBLIVIOUS, *CLOSED)
 _TRAPS = ("freeze", "excluded")
 _B = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config(Settings):
+class Config:
     """Settings of both readings.
 
     Attributes:
@@ -42,14 +42,17 @@ class Config(Settings):
 
     alphas: tuple[float, ...]
     c: float
-    window: Count
-    T: Count
-    sequences: Count
+    window: int
+    T: int
+    sequences: int
     seed: int
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         running_maximum_bound(self.c, _B, _B)
+        for name in ("window", "T", "sequences"):
+            if getattr(self, name) < 1:
+                msg = f"{name} must be positive, got {getattr(self, name)!r}"
+                raise ValueError(msg)
 
 
 PROFILES = {
@@ -59,7 +62,7 @@ PROFILES = {
 }
 
 
-def _shards(config: Config) -> list[Shard]:
+def shards(config: Config) -> list[Shard]:
     """Return a piece for each alpha and kind of sequence, and for each trap."""
     running = [("running", kind, alpha) for kind, alpha in product(_KINDS, config.alphas)]
     trailing = [("trailing", trap, alpha) for trap, alpha in product(_TRAPS, config.alphas)]
@@ -93,14 +96,6 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     return pd.DataFrame(
         [_row(reading, kind, alpha, i, scores[i], err[i], config.c) for i in range(len(scores))]
     )
-
-
-EXPERIMENT = Experiment(
-    run=run_shard,
-    profiles=PROFILES,
-    shards=_shards,
-    label="simulated",
-)
 
 
 def _row(

@@ -9,14 +9,15 @@ from dataclasses import dataclass
 import pandas as pd
 
 from cpl.conformal.certificates import CERTIFICATES, as_table
-from cpl.experiments.run.spec import Experiment, Shard
-from cpl.settings.ranges import Settings
+from cpl.experiments.run.shard import Shard
 
-__all__ = ["EXPERIMENT", "PROFILES", "Config"]
+__all__ = ["LABEL", "PROFILES", "Config", "run_shard", "shards"]
+
+LABEL = "proved"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config(Settings):
+class Config:
     """Which certificates.
 
     Attributes:
@@ -26,9 +27,9 @@ class Config(Settings):
     about: str
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if not any(self.about in name for name in CERTIFICATES):
-            raise ValueError(f"about must be part of a certificate's name, got {self.about!r}")
+            msg = f"about must be part of a certificate's name, got {self.about!r}"
+            raise ValueError(msg)
 
 
 PROFILES = {
@@ -38,7 +39,7 @@ PROFILES = {
 }
 
 
-def _shards(config: Config) -> list[Shard]:
+def shards(config: Config) -> list[Shard]:
     """Return one piece a certificate."""
     return [
         Shard(re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-"), {"name": name})
@@ -57,11 +58,3 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     """
     del config
     return as_table([CERTIFICATES[shard.text("name")].check()]).drop(columns="numbers")
-
-
-EXPERIMENT = Experiment(
-    run=run_shard,
-    profiles=PROFILES,
-    shards=_shards,
-    label="proved",
-)

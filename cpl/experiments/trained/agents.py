@@ -1,21 +1,18 @@
 """Trained agents by name: those of Table I, and those that were trained otherwise."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
-from cpl.experiments.run.spec import Inputs, Need, Shard
+from cpl.experiments.run.need import Inputs, Need
 from cpl.experiments.trained import agents_beyond, agents_why, listeners
 from cpl.experiments.trained.forecasters import forecaster
 from cpl.experiments.trained.listening import AGENTS, decoded, hearing_of
-from cpl.experiments.trained.needs import needs
-from cpl.experiments.trained.pairs import with_pair
 from cpl.experiments.trained.recipes import RECIPES, Training
 from cpl.experiments.trained.recipes import hearing_of as hearing_of_recipe
 from cpl.network import MLP
 from cpl.policies.listen import Hearing
 
-__all__ = ["KNOWN", "Agent", "agent", "need_agents", "needs_with_agents"]
+__all__ = ["KNOWN", "Agent", "agent", "need_agents"]
 
 KNOWN = (*AGENTS, *RECIPES)
 """The names."""
@@ -38,8 +35,8 @@ def need_agents(models: str, names: Iterable[str], pair: int) -> list[Need]:
         pair: Which pair.
 
     Returns:
-        One need an experiment that trained some; the pair's policies and forecasters have to be
-        asked for beside them.
+        What an experiment's `upstream` lists; the pair's policies and forecasters have to be asked
+        for beside them.
 
     Raises:
         ValueError: If a name is unknown.
@@ -55,12 +52,6 @@ def need_agents(models: str, names: Iterable[str], pair: int) -> list[Need]:
         Need(experiment=trainer, config=_trained(trainer, models, pair), shards=tuple(shards))
         for trainer, shards in asked.items()
     ]
-
-
-def needs_with_agents(config: Any, shard: Shard) -> list[Need]:  # noqa: ANN401 - with `agents`
-    """Ask for the policies, the forecasters and the agents of a shard's pair."""
-    pair = shard.number("pair")
-    return [*needs(config.models, pair), *need_agents(config.models, config.agents, pair)]
 
 
 def agent(inputs: Inputs, models: str, name: str, pair: int) -> Agent:
@@ -98,6 +89,8 @@ def _trainer(name: str) -> str:
 def _trained(trainer: str, models: str, pair: int) -> Training | listeners.Config:
     """Return the configuration of the trainings, of this pair too."""
     if trainer == "listeners":
-        return with_pair(listeners.PROFILES[models], pair)
+        ours = listeners.PROFILES[models]
+        return replace(ours, pairs=max(ours.pairs, pair + 1))
     module = agents_why if trainer == "agents_why" else agents_beyond
-    return with_pair(module.PROFILES[models], pair)
+    profile: Training = module.PROFILES[models]
+    return replace(profile, pairs=max(profile.pairs, pair + 1))

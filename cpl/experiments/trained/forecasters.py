@@ -1,32 +1,37 @@
 """The trained forecasters, for experiments that stand on them."""
 
-from cpl.experiments.run.spec import Inputs, Need
+from collections.abc import Iterable
+
+from cpl.experiments.run.need import Inputs, Need
 from cpl.experiments.trained import forecasts
-from cpl.experiments.trained.pairs import with_pair
 from cpl.forecast import stored
 from cpl.forecast.methods import Forecaster
 from cpl.network import MLP, Model
 from cpl.rng import stream
 
-__all__ = ["crash_classifier", "forecaster", "need_forecasters", "suite_of"]
+__all__ = ["crash_classifier", "forecaster", "need_forecasts", "suite_of"]
 
 _LENGTH = 5  # observations in a history (Section IV, Predictor Training)
 _HORIZON = 3  # [steps] how far a forecast looks
 
 
-def need_forecasters(models: str, pair: int) -> Need:
-    """Ask for the forecasters of a pair.
+def need_forecasts(config: forecasts.Config, pairs: Iterable[int]) -> Need:
+    """Ask for the forecasters of some pairs.
 
     Args:
-        models: Profile that trained them.
-        pair: Which pair.
+        config: How they are trained.
+        pairs: Which pairs.
 
-    Examples:
-        >>> need_forecasters("paper", 2).shards
+    Returns:
+        What an experiment's `upstream` lists.
+
+    Example:
+        >>> need_forecasts(forecasts.PROFILES["paper"], [2]).shards
         ('pair-2',)
     """
-    settings = with_pair(forecasts.PROFILES[models], pair)
-    return Need(experiment="forecasts", config=settings, shards=(f"pair-{pair}",))
+    return Need(
+        experiment="forecasts", config=config, shards=tuple(f"pair-{pair}" for pair in pairs)
+    )
 
 
 def suite_of(inputs: Inputs, pair: int) -> Model:

@@ -15,6 +15,7 @@ from cpl.publish.live._facts import ledger_file
 from cpl.publish.live._pareto import pareto_files
 from cpl.publish.live._rides import opening_moments, ride_scripts
 from cpl.publish.live._script import as_script
+from cpl.publish.live._tab import tab_scripts
 
 __all__ = ["files_for_page", "files_for_site"]
 
@@ -93,8 +94,18 @@ def _rides() -> tuple[dict[str, str], str]:
     return {"rides.js": as_script("rides", None)}, missing("No rides are published yet.").svg()
 
 
+def _wheel() -> tuple[dict[str, str], str]:
+    return tab_scripts(), _rides()[1]
+
+
+def _trial() -> tuple[dict[str, str], str]:
+    return tab_scripts(), pareto_files()[1]
+
+
 _DRAWN: dict[str, Callable[[], tuple[dict[str, str], str]]] = {
     "tracker": _tracker,
     "road": _rides,
     "pareto": pareto_files,
+    "wheel": _wheel,
+    "trial": _trial,
 }
