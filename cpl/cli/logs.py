@@ -227,7 +227,7 @@ def _convert(args: argparse.Namespace) -> int:
 def _plot(args: argparse.Namespace) -> int:
     from io import BytesIO
 
-    from cpl.store import atomic_write
+    from cpl.cli._out import write_out
 
     if args.out.suffix not in ENDINGS:
         raise UsageError(f"OUT must end in {' or '.join(ENDINGS)}, got {args.out.name!r}")
@@ -237,11 +237,11 @@ def _plot(args: argparse.Namespace) -> int:
 
     figure = overview(log.table, label=log.label)
     if args.out.suffix == ".svg":
-        atomic_write(args.out, figure.svg())
+        write_out(args.out, figure.svg())
     else:
         image = BytesIO()
         figure.savefig(image, format="png", dpi=150)
-        atomic_write(args.out, image.getvalue())
+        write_out(args.out, image.getvalue())
     _verdict(log)
     _say(str(args.out))
     return int(not log.recovery.whole)

@@ -10,7 +10,11 @@ from typing import TYPE_CHECKING
 from cpl.cli import UsageError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from cpl.conformal import Rule
+    from cpl.forecast.scores import Scores
 
 __all__ = ["register", "run"]
 
@@ -23,9 +27,18 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         description="A score says how wrong a forecast was, in the order in which the forecasts "
         "were made: a CSV with one number a line, or a column of a larger table.",
     )
-    parser.add_argument("scores", type=Path, help="CSV of scores")
+    parser.add_argument("scores", type=Path, help="table of scores, plain or compressed")
     parser.add_argument("--alpha", type=float, default=0.1, help="miscoverage aimed at (0.1)")
-    parser.add_argument("--column", help="name of the column, if there are several")
+    parser.add_argument("--column", help="the column, by name or by number from 1")
+    parser.add_argument(
+        "--missing", choices=("refuse", "carry", "drop"), default="refuse",
+        help="a blank cell: refuse the file (default), carry the last score, or drop the step",
+    )  # fmt: skip
+    parser.add_argument(
+        "--delimiter", choices=("tab", "semicolon", "comma", "blanks"),
+        help="what stands between cells, where it is not recognised",
+    )  # fmt: skip
+    parser.add_argument("--decimal", choices=(".", ","), help="the decimal mark, likewise")
     parser.add_argument(
         "--rule", choices=("fixed", "running_max"), default="running_max",
         help="step: fixed, or a share of the largest score so far (default, as in the paper)",
@@ -38,33 +51,77 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Track, and print what was found."""
-    from cpl.forecast.audit import audit, read_scores
-    from cpl.store import atomic_write
+    from cpl.cli._out import write_out
+    from cpl.forecast.audit import audit
+    from cpl.forecast.scores import open_scores
 
     try:
         rule = _rule(args)
-        found = audit(
-            read_scores(args.scores, args.column), rule, alpha=args.alpha, delay=args.delay
+        read = open_scores(
+            args.scores,
+            args.column,
+            missing=args.missing,
+            delimiter=args.delimiter,
+            decimal=args.decimal,
         )
-    except (ValueError, OSError) as error:
+        found = audit(read.values, rule, alpha=args.alpha, delay=args.delay)
+    except OSError as error:
+        raise UsageError(f"{error.strerror}: {args.scores}") from error
+    except ValueError as error:
         raise UsageError(error) from error
+    if args.out is not None:
+        write_out(args.out, found.table.to_csv(index=False), inputs=[args.scores])
+    _say_what_was_read(read, args.missing)
     T = len(found.table)
     print(f"steps            {T}")
     print(f"misses           {found.errors}")
     print(f"coverage         {found.coverage:.4f}  (aimed at {1 - found.alpha:g})")
     print(f"threshold now    {found.table['q'].iloc[-1]:.6g}")
     if found.bound is None:
-        print("bound            none is known for this rule, delay and range of scores")
+        print(f"bound            none: {found.unbounded}")
+        _say_what_would_do(read.values, args)
     elif found.bound >= T:
         print(f"bound            none that says anything yet: in {T} steps all could be misses")
+        _say_what_would_do(read.values, args)
     else:
         least = 1 - found.bound / T
         print(f"bound            at most {found.bound} misses in {T} steps, whatever the scores,")
         print(f"                 if none exceeds {found.largest:g}: coverage >= {least:.4f}")
     if args.out is not None:
-        atomic_write(args.out, found.table.to_csv(index=False))
         print(args.out, file=sys.stderr)
     return 0
+
+
+def _say_what_was_read(read: Scores, missing: str) -> None:
+    """Say on stderr what was recognised, so that a wrong guess is seen."""
+    if read.clock is not None:
+        told = f"tracking {read.column!r}; {read.clock!r} only counts or tells the time"
+        print(told, file=sys.stderr)
+    if read.decimal == ",":
+        print("a comma is the decimal mark", file=sys.stderr)
+    if read.missing:
+        done = {"carry": "the last score was carried on", "drop": "their steps were left out"}
+        print(f"{read.missing} scores are missing: {done[missing]}", file=sys.stderr)
+
+
+def _say_what_would_do(scores: NDArray[np.float64], args: argparse.Namespace) -> None:
+    """Name the settings that give a bound for these scores, or say that none does."""
+    from cpl.conformal import Fixed
+    from cpl.forecast.audit import audit
+
+    top = float(scores.max())
+    if scores.min() < 0:
+        print("                 absolute values, or a shift that makes them positive, would do")
+        return
+    steps = [float(f"{share * top:.2g}") for share in (0.05, 0.1, 0.2, 0.5, 1.0)] if top else []
+    tried = [(audit(scores, Fixed(eta=eta), alpha=args.alpha, delay=args.delay), eta)
+             for eta in steps]  # fmt: skip
+    bounds = [(found.bound, eta) for found, eta in tried if found.bound is not None]
+    most, eta = min(bounds, default=(len(scores), 0.0))
+    if most >= len(scores):
+        print("                 no fixed step bounds so few scores either: more of them would do")
+    else:
+        print(f"                 --rule fixed --eta {eta:g} would promise at most {most} misses")
 
 
 def _rule(args: argparse.Namespace) -> Rule:

@@ -6,7 +6,6 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from cpl.conformal import Fixed, Rule, RunningMax, step_sizes, track
 from cpl.conformal.bounds import max_errors_from_start, variable_step_bound
 
-__all__ = ["Audit", "audit", "environment_scores", "read_scores"]
+__all__ = ["Audit", "audit", "environment_scores"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +28,7 @@ class Audit:
         delay: Steps until a score is known [steps].
         bound: Most misses that this rule can make in as many steps, whatever the scores, as long
             as none exceeds `largest`; None where no bound is known.
+        unbounded: Why no bound is known; empty where one is.
         largest: The largest score, to which the bound refers [score].
     """
 
@@ -36,6 +36,7 @@ class Audit:
     alpha: float
     delay: int
     bound: int | None
+    unbounded: str
     largest: float
 
     @property
@@ -89,50 +90,24 @@ def audit(scores: ArrayLike, rule: Rule, *, alpha: float, delay: int = 1) -> Aud
     if not np.isfinite(values).all():
         first = int(np.argmin(np.isfinite(values)))
         raise ValueError(f"scores must be finite, got {values[first]} at step {first + 1}")
+    if delay > len(values):
+        raise ValueError(
+            f"delay must be at most the number of scores, got {delay!r} and {len(values)}: no "
+            "score would ever be known"
+        )
     tracked = track(values, rule, alpha=alpha, delay=delay)
     table = pd.DataFrame(
         {"t": np.arange(1, len(values) + 1), "score": values, "q": tracked.q, "err": tracked.err}
     )
+    bound, unbounded = _bound(values, rule, alpha, delay)
     return Audit(
         table=table,
         alpha=alpha,
         delay=delay,
-        bound=_bound(values, rule, alpha, delay),
+        bound=bound,
+        unbounded=unbounded,
         largest=float(values.max()),
     )
-
-
-def read_scores(path: Path | str, column: str | None = None) -> NDArray[np.float64]:
-    """Read scores from a CSV: one column of numbers, with a header line or without.
-
-    Args:
-        path: The file.
-        column: Which column, by name; may be left out if there is only one.
-
-    Raises:
-        FileNotFoundError: If there is no such file.
-        ValueError: If the column is not there, there are several to choose from, or a cell is no
-            number; the message names the line.
-    """
-    path = Path(path)
-    try:
-        cells = pd.read_csv(path, header=None, dtype=str, keep_default_na=False, comment="#")
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path.name} must be a table of numbers: {error}") from error
-    rows = [[str(cell).strip() for cell in row] for row in cells.to_numpy().tolist()]
-    first = rows[0]
-    headed = not all(_is_number(cell) for cell in first)
-    names = first if headed else [str(n) for n in range(len(first))]
-    if column is None and len(names) > 1:
-        raise ValueError(f"{path.name} has several columns, choose one of {names}")
-    if column is not None and column not in names:
-        raise ValueError(f"{path.name} has no column {column!r}, it has {names}")
-    place = 0 if column is None else names.index(column)
-    values = [row[place] for row in rows[int(headed) :]]
-    for line, cell in enumerate(values, start=1 + int(headed)):
-        if not _is_number(cell):
-            raise ValueError(f"{path.name}, line {line}: a score must be a number, got {cell!r}")
-    return np.array(values, dtype=np.float64)
 
 
 def environment_scores(
@@ -198,27 +173,26 @@ def environment_scores(
     return np.array(scores[:steps])
 
 
-def _bound(scores: NDArray[np.float64], rule: Rule, alpha: float, delay: int) -> int | None:
-    """Return the most misses that are possible, where that is known."""
+def _bound(
+    scores: NDArray[np.float64], rule: Rule, alpha: float, delay: int
+) -> tuple[int | None, str]:
+    """Return the most misses that are possible, or None and why that is not known."""
     largest, T = float(scores.max()), len(scores)
-    if scores.min() < 0 or largest <= 0:
-        return None  # the theorem is about scores in [0, B]
+    if scores.min() < 0:
+        return None, f"a score is negative ({scores.min():g}), and the theorem is about [0, B]"
+    if largest <= 0:
+        return None, "every score is 0"
     if isinstance(rule, Fixed):
         # A threshold summed in floats drifts by rounding, which is as if the scores did: where a
         # score meets its threshold exactly, that can decide a miss.
         drift = 4 * np.finfo(np.float64).eps * T * (largest + rule.eta)
-        return max_errors_from_start(alpha, rule.eta, largest + drift, T, delay=delay)
-    if isinstance(rule, RunningMax) and delay == 1:
-        etas = step_sizes(scores, rule)
-        if etas.min() > 0:
-            more = float(variable_step_bound(etas.tolist(), largest))
-            return T if alpha * T + more >= T else math.floor(alpha * T + more)
-    return None
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return "_" not in text
+        return max_errors_from_start(alpha, rule.eta, largest + drift, T, delay=delay), ""
+    if not isinstance(rule, RunningMax):
+        return None, "for this rule there is none: it can freeze"
+    if delay > 1:
+        return None, f"with a delay of {delay} none is known for steps that vary"
+    etas = step_sizes(scores, rule)
+    if etas.min() <= 0:
+        return None, "the first score is 0, so that the first step is 0 and bounds nothing"
+    more = float(variable_step_bound(etas.tolist(), largest))
+    return (T if alpha * T + more >= T else math.floor(alpha * T + more)), ""
