@@ -2,7 +2,7 @@
 
     python -m venv scratch
     scratch/bin/pip install --no-deps adaptive-conformal-inference==1.0.1 online-conformal==1.0.2 \\
-        conformalopt==0.1.0 dracp==0.2.0
+        conformalopt==0.1.0 dracp==0.2.0 online-cp==0.4.0
     scratch/bin/pip install numpy pandas scipy scikit-learn statsmodels tqdm matplotlib
     git clone https://github.com/creator-xi/Error-quantified-Conformal-Inference eci
     git clone https://github.com/Jordylek/conformal-decision cdt     # both of November 2026
@@ -38,12 +38,13 @@ def main() -> None:
         **_decision(scores, cdt),
     }
     packages = ["adaptive-conformal-inference", "online-conformal", "conformalopt", "dracp"]
-    packages += ["numpy", "pandas"]
+    packages += ["online-cp", "numpy", "pandas"]
     versions = {name: importlib.metadata.version(name) for name in packages}
     for folder in (eci, cdt):
         commit = ["git", "-C", str(folder), "rev-parse", "HEAD"]
         versions[folder.name] = subprocess.check_output(commit, text=True).strip()
     found = {"alpha": ALPHA, "versions": versions, "scores": scores.tolist()}
+    found["change"] = _change(scores)
     found["q"] = {name: np.asarray(q).tolist() for name, q in vectors.items()}
     json.dump(found, sys.stdout)
     sys.stdout.write("\n")
@@ -155,6 +156,32 @@ def _eci(scores: np.ndarray, folder: Path) -> dict[str, list[float]]:
         "eci integral": methods.ECI_integral(scores, ALPHA, 0.1, **plain)["q"],
         "pid": pid["q"],
     }
+
+
+def _change(scores: np.ndarray) -> dict[str, list[float]]:
+    """Return a martingale's factors over ranks, and the three statistics of change made of them."""
+    from online_cp.martingale import (
+        CUSUMWrapper,
+        ShiryaevRobertsWrapper,
+        SimpleJumper,
+        VilleWrapper,
+    )
+
+    makers = (VilleWrapper, CUSUMWrapper, ShiryaevRobertsWrapper)
+    found = {name: [] for name in ("factors", "ville", "cusum", "shiryaev_roberts")}
+    wrapped = [maker(SimpleJumper(J=0.1)) for maker in makers]
+    before = 0.0
+    for t in range(1, len(scores)):
+        p = float(np.mean(scores[: t + 1] >= scores[t]))
+        for each in wrapped:
+            each.update(p)
+        now = float(wrapped[0].martingale.logM)
+        found["factors"].append(np.exp(now - before))
+        before = now
+        found["ville"].append(float(np.exp(now)))
+        found["cusum"].append(float(wrapped[1].gamma))
+        found["shiryaev_roberts"].append(float(wrapped[2].R))
+    return found
 
 
 def _decision(scores: np.ndarray, folder: Path) -> dict[str, list[float]]:
