@@ -27,10 +27,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cpl.conformal._validate import as_integer, as_number, as_probability, as_scores
+from cpl.conformal._validate import as_number, as_probability, as_scores
 from cpl.rng import stream
 
-__all__ = ["Alarms", "alarms", "bets_on_errors", "bets_on_ranks", "blocks", "p_values"]
+__all__ = ["Alarms", "alarms", "bets_on_errors", "bets_on_ranks", "p_values"]
 
 FloatArray: TypeAlias = NDArray[np.float64]
 
@@ -160,14 +160,6 @@ def bets_on_errors(errors: ArrayLike, *, alpha: float) -> FloatArray:
     level = as_probability("alpha", alpha)
     err = np.asarray(errors, dtype=np.float64)
     return _mixture(1.0 + _SHARES / level * (err[:, None] - level))
-
-
-def blocks(values: ArrayLike, size: int) -> FloatArray:
-    """Return the means of consecutive blocks; a last one that is not full is left out."""
-    each = as_scores(values, ndim=1)
-    count = as_integer("size", size, minimum=1)
-    whole = each.size - each.size % count
-    return each[:whole].reshape(-1, count).mean(axis=1)
 
 
 def _mixture(own: FloatArray) -> FloatArray:
