@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpl.quadruped.paths import Path
+from cpl.settings.ranges import Positive, Settings
 
 __all__ = [
     "Limits",
@@ -36,7 +37,7 @@ Pose = Sequence[float] | NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
+class Limits(Settings):
     """What the robot may be asked for; the defaults lie inside the Go1's trot range.
 
     Args:
@@ -45,14 +46,9 @@ class Limits:
         yaw_rate_radps: Largest yaw rate [rad/s] (Go1: 4).
     """
 
-    v_x_mps: float = 1.1
-    v_y_mps: float = 1.0
-    yaw_rate_radps: float = 3.0
-
-    def __post_init__(self) -> None:
-        for name in ("v_x_mps", "v_y_mps", "yaw_rate_radps"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
+    v_x_mps: Positive = 1.1
+    v_y_mps: Positive = 1.0
+    yaw_rate_radps: Positive = 3.0
 
 
 def wrap_angle(angle_rad: float) -> float:

@@ -34,6 +34,7 @@ from cpl.quadruped.supervisor import (
     Verdict,
     supervise,
 )
+from cpl.settings.ranges import Positive, Settings
 
 __all__ = ["COLUMNS", "OUTCOMES", "RunConfig", "run"]
 
@@ -72,7 +73,7 @@ OUTCOMES = ("arrived", "timeout", "wall", "geofence", "fell")
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunConfig:
+class RunConfig(Settings):
     """How a run is conducted.
 
     Args:
@@ -82,13 +83,8 @@ class RunConfig:
     """
 
     limits: Limits = field(default_factory=Limits)
-    advance_radius_m: float = ADVANCE_RADIUS_M
-    max_s: float = 60.0
-
-    def __post_init__(self) -> None:
-        for name in ("advance_radius_m", "max_s"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
+    advance_radius_m: Positive = ADVANCE_RADIUS_M
+    max_s: Positive = 60.0
 
 
 def run(

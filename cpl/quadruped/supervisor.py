@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import hypot, isfinite
 
+from cpl.settings.ranges import Positive, Settings
+
 __all__ = ["Facts", "Reason", "SupervisorConfig", "SupervisorState", "Verdict", "supervise"]
 
 Command = tuple[float, float, float]
@@ -30,7 +32,7 @@ class Reason(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SupervisorConfig:
+class SupervisorConfig(Settings):
     """When to intervene.
 
     Args:
@@ -43,19 +45,13 @@ class SupervisorConfig:
         release_after_s: Poses must be valid for this long before a hold is released [s].
     """
 
-    v_max_mps: float = 1.0
-    yaw_rate_max_radps: float = 2.0
-    fence_half_width_m: float = 3.0
-    command_age_s: float = 0.3
-    pose_age_s: float = 0.25
-    lost_after_s: float = 0.5
-    release_after_s: float = 0.3
-
-    def __post_init__(self) -> None:
-        for name in self.__dataclass_fields__:
-            value = getattr(self, name)
-            if not (isfinite(value) and value > 0):
-                raise ValueError(f"{name} must be finite and above 0, not {value}")
+    v_max_mps: Positive = 1.0
+    yaw_rate_max_radps: Positive = 2.0
+    fence_half_width_m: Positive = 3.0
+    command_age_s: Positive = 0.3
+    pose_age_s: Positive = 0.25
+    lost_after_s: Positive = 0.5
+    release_after_s: Positive = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)

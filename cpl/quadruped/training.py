@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpl.quadruped.predictor import Predictor
+from cpl.settings.ranges import Count, Positive, Settings
 
 if TYPE_CHECKING:
     import torch
@@ -25,7 +26,7 @@ Run = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainingConfig:
+class TrainingConfig(Settings):
     """How to train.
 
     Args:
@@ -37,17 +38,12 @@ class TrainingConfig:
         batch: Rows a step [-].
     """
 
-    units: int = 128
-    positive_weight: float = 5.0
-    learning_rate: float = 1e-3
+    units: Count = 128
+    positive_weight: Positive = 5.0
+    learning_rate: Positive = 1e-3
     weight_decay: float = 1e-2
-    epochs: int = 40
-    batch: int = 128
-
-    def __post_init__(self) -> None:
-        for name in ("units", "positive_weight", "learning_rate", "epochs", "batch"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
+    epochs: Count = 40
+    batch: Count = 128
 
 
 def train(runs: Sequence[Run], config: TrainingConfig, seed: int) -> Predictor:

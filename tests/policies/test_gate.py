@@ -305,10 +305,10 @@ def test_stacked_margins_are_each_their_own():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"horizon": 0}, "horizon must be >= 1, got 0"),
-        ({"forecast": "crystal"}, "forecast must be one of"),
-        ({"weight": -1.0}, "weight must be > 0, got -1.0"),
-        ({"growth": -1.0}, "growth must be >= 0, got -1.0"),
+        ({"horizon": 0}, r"horizon must be in \[1, inf\), got 0"),
+        ({"forecast": "crystal"}, "forecast must be in {velocity, lane, idm}, got 'crystal'"),
+        ({"weight": -1.0}, r"weight must be in \(0, inf\), got -1.0"),
+        ({"growth": -1.0}, r"growth must be in \[0, inf\), got -1.0"),
         ({"actions": (7,)}, r"actions must be some of 0 to 4, got \(7,\)"),
     ],
 )

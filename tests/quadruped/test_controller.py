@@ -100,5 +100,5 @@ def test_the_stop_rule_needs_both_the_place_and_the_share():
 
 
 def test_limits_are_checked():
-    with pytest.raises(ValueError, match="v_y_mps must be above 0, not 0"):
+    with pytest.raises(ValueError, match=r"v_y_mps must be in \(0, inf\), got 0"):
         Limits(v_y_mps=0)

@@ -232,15 +232,15 @@ def test_a_run_of_the_whole_and_an_oracle_in_it():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Room(light=0), "light must be above 0, not 0"),
-        (lambda: Room(richness=2), r"richness must be in \[0, 1\], not 2"),
-        (lambda: Room(floor_half_width_m=9), "floor_half_width_m .* not 9"),
-        (lambda: FisheyeCamera(exposure_s=-1), "exposure_s must be above 0, not -1"),
-        (lambda: FisheyeCamera(read_noise=-1), "read_noise .* not -1"),
-        (lambda: Body(lag_s=0), "lag_s must be above 0, not 0"),
-        (lambda: Body(slip=-1), "slip .* not -1"),
-        (lambda: OdometryConfig(features=0), "features .* not 0"),
-        (lambda: OdometryConfig(min_features=3), "min_features must be at least 6, not 3"),
+        (lambda: Room(light=0), r"light must be in \(0, inf\), got 0"),
+        (lambda: Room(richness=2), r"richness must be in \[0, 1\], got 2"),
+        (lambda: Room(floor_half_width_m=9), "floor_half_width_m .* got 9"),
+        (lambda: FisheyeCamera(exposure_s=-1), r"exposure_s must be in \(0, inf\), got -1"),
+        (lambda: FisheyeCamera(read_noise=-1), "read_noise .* got -1"),
+        (lambda: Body(lag_s=0), r"lag_s must be in \(0, inf\), got 0"),
+        (lambda: Body(slip=-1), "slip .* got -1"),
+        (lambda: OdometryConfig(features=0), "features .* got 0"),
+        (lambda: OdometryConfig(min_features=3), r"min_features must be in \[6, inf\), got 3"),
     ],
 )
 def test_configurations_are_checked(make, message):

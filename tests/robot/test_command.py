@@ -39,7 +39,7 @@ def test_faults_are_listed(capsys):
         (["run", "evaluate"], "--predictor must name what `cpl robot train` wrote"),
         (["run", "collect", "--first", "43"], "--first must be in [0, 42], not 43"),
         (["check", "--robot", "go1:8082"], "address must be like 127.0.0.1:8082, not 'go1:8082'"),
-        (["check", "--fence", "-1"], "fence_half_width_m must be finite and above 0"),
+        (["check", "--fence", "-1"], "fence_half_width_m must be in (0, inf), got -1.0"),
         (["train", "nowhere", "net.bin"], "FILE must be new and end in .safetensors"),
         (["rehearse", "--trajectories", "0", "--seconds", "0"], "trajectories must be at least 1"),
     ],

@@ -1,6 +1,9 @@
 """The look-ahead's settings."""
 
 from dataclasses import dataclass
+from typing import Annotated
+
+from cpl.settings.ranges import Choice, Count, Natural, Positive, Settings, interval
 
 __all__ = ["ERRORS", "FORECASTS", "GateConfig"]
 
@@ -13,7 +16,7 @@ _SLOWER, _IDLE = 4, 1
 
 
 @dataclass(frozen=True, kw_only=True)
-class GateConfig:
+class GateConfig(Settings):
     """How the gate looks ahead, and what it calls an error.
 
     Attributes:
@@ -37,38 +40,22 @@ class GateConfig:
         far: Clearance that counts where nobody is seen [m].
     """
 
-    horizon: int = 3
-    plan: str = "slower"
-    forecast: str = "lane"
+    horizon: Count = 3
+    plan: Annotated[str, Choice(("slower", "idle"))] = "slower"
+    forecast: Annotated[str, Choice(FORECASTS)] = "lane"
     actions: tuple[int, ...] = (0, 1, 2, 3, 4)
-    stride: int = 3
-    weight: float = 3.0
-    growth: float = 1.0
-    floor: float = 0.2
-    error: str = "closing"
-    memory: int = 3
-    filtered: float = 0.0
-    radius: float = 20.0
-    far: float = 60.0
+    stride: Count = 3
+    weight: Positive = 3.0
+    growth: Annotated[float, interval("[0, inf)")] = 1.0
+    floor: Positive = 0.2
+    error: Annotated[str, Choice(ERRORS)] = "closing"
+    memory: Natural = 3
+    filtered: Annotated[float, interval("[0, inf)")] = 0.0
+    radius: Positive = 20.0
+    far: Positive = 60.0
 
     def __post_init__(self) -> None:
-        for name, allowed in (
-            ("forecast", FORECASTS),
-            ("error", ERRORS),
-            ("plan", ("slower", "idle")),
-        ):
-            if getattr(self, name) not in allowed:
-                msg = f"{name} must be one of {allowed}, got {getattr(self, name)!r}"
-                raise ValueError(msg)
-        for name in ("horizon", "stride"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be >= 1, got {getattr(self, name)!r}")
-        for name in ("weight", "floor", "radius", "far"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be > 0, got {getattr(self, name)!r}")
-        for name in ("growth", "memory", "filtered"):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f"{name} must be >= 0, got {getattr(self, name)!r}")
+        super().__post_init__()
         if not self.actions or not set(self.actions) <= set(range(5)):
             raise ValueError(f"actions must be some of 0 to 4, got {self.actions!r}")
 

@@ -8,10 +8,13 @@ little different. The camera is bolted to the head.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
+from cpl.settings.ranges import Positive, Settings, interval
 
 __all__ = ["GRAVITY", "Body", "feel", "walk"]
 
@@ -22,7 +25,7 @@ STATE = 12  # x, y, yaw, v_x, v_y, yaw rate, phase, slip x, slip y, slip yaw, jo
 
 
 @dataclass(frozen=True, kw_only=True)
-class Body:
+class Body(Settings):
     """The robot's response, gait and mounting.
 
     Args:
@@ -41,28 +44,19 @@ class Body:
         camera_forward_m: How far the camera sits ahead of the body's centre [m].
     """
 
-    lag_s: float = 0.20
-    yaw_lag_s: float = 0.15
-    stride_hz: float = 1.6
-    stride_hz_per_mps: float = 1.0
-    turn_m: float = 0.25
-    bounce_m: float = 0.008
-    sway_m: float = 0.010
-    roll_rad: float = 0.065
-    pitch_rad: float = 0.090
-    jolt_rad: float = 0.020
-    slip: float = 0.05
-    camera_height_m: float = 0.35
-    camera_forward_m: float = 0.28
-
-    def __post_init__(self) -> None:
-        for name in self.__dataclass_fields__:
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"{name} must be finite and at least 0, not {value}")
-        for name in ("lag_s", "yaw_lag_s", "camera_height_m"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
+    lag_s: Positive = 0.20
+    yaw_lag_s: Positive = 0.15
+    stride_hz: Annotated[float, interval("[0, inf)")] = 1.6
+    stride_hz_per_mps: Annotated[float, interval("[0, inf)")] = 1.0
+    turn_m: Annotated[float, interval("[0, inf)")] = 0.25
+    bounce_m: Annotated[float, interval("[0, inf)")] = 0.008
+    sway_m: Annotated[float, interval("[0, inf)")] = 0.010
+    roll_rad: Annotated[float, interval("[0, inf)")] = 0.065
+    pitch_rad: Annotated[float, interval("[0, inf)")] = 0.090
+    jolt_rad: Annotated[float, interval("[0, inf)")] = 0.020
+    slip: Annotated[float, interval("[0, inf)")] = 0.05
+    camera_height_m: Positive = 0.35
+    camera_forward_m: Annotated[float, interval("[0, inf)")] = 0.28
 
     @property
     def vector(self) -> NDArray[np.float64]:

@@ -10,16 +10,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from cpl.settings.ranges import Count, Positive, Settings, interval
+
 __all__ = ["FisheyeCamera", "project", "unproject"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class FisheyeCamera:
+class FisheyeCamera(Settings):
     """A fisheye camera and its sensor.
 
     Args:
@@ -33,21 +36,14 @@ class FisheyeCamera:
         read_noise: Standard deviation of the read noise [e-].
     """
 
-    width: int = 212
-    height: int = 200
-    focal_px: float = 71.5
+    width: Count = 212
+    height: Count = 200
+    focal_px: Positive = 71.5
     k: tuple[float, float, float, float] = (-0.0077, 0.0449, -0.0421, 0.0079)
-    field_rad: float = 1.42
-    exposure_s: float = 0.010
-    full_well: float = 1500.0
-    read_noise: float = 6.0
-
-    def __post_init__(self) -> None:
-        for name in ("width", "height", "focal_px", "field_rad", "exposure_s", "full_well"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
-        if not self.read_noise >= 0:
-            raise ValueError(f"read_noise must be at least 0, not {self.read_noise}")
+    field_rad: Positive = 1.42
+    exposure_s: Positive = 0.010
+    full_well: Positive = 1500.0
+    read_noise: Annotated[float, interval("[0, inf)")] = 6.0
 
     @property
     def intrinsics(self) -> NDArray[np.float64]:

@@ -19,6 +19,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -26,6 +27,7 @@ from numpy.typing import NDArray
 
 from cpl.quadruped.kinematic.camera import FisheyeCamera, project
 from cpl.quadruped.kinematic.estimate import angles, predict, refine, to_camera
+from cpl.settings.ranges import Count, Positive, Settings, interval
 
 __all__ = ["Odometry", "OdometryConfig", "SlamError"]
 
@@ -43,7 +45,7 @@ class SlamError(IntEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OdometryConfig:
+class OdometryConfig(Settings):
     """How the odometry tracks and when it admits that it is lost.
 
     Args:
@@ -64,28 +66,21 @@ class OdometryConfig:
         keyframe_rad: ... or this much turned [rad].
     """
 
-    features: int = 70
-    min_features: int = 12
-    contrast: float = 0.0003
-    cell_px: int = 10
-    window_px: int = 13
-    round_trip_px: float = 1.0
-    inlier_px: float = 2.0
-    inlier_share: float = 0.5
-    registered: float = 0.5
-    jump_m: float = 0.15
-    jump_rad: float = 0.10
-    speed_px: float = 6.0
-    restart_frames: int = 9
-    keyframe_m: float = 0.4
-    keyframe_rad: float = 0.5
-
-    def __post_init__(self) -> None:
-        for name in self.__dataclass_fields__:
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
-        if self.min_features < 6:
-            raise ValueError(f"min_features must be at least 6, not {self.min_features}")
+    features: Count = 70
+    min_features: Annotated[int, interval("[6, inf)")] = 12
+    contrast: Positive = 0.0003
+    cell_px: Count = 10
+    window_px: Count = 13
+    round_trip_px: Positive = 1.0
+    inlier_px: Positive = 2.0
+    inlier_share: Positive = 0.5
+    registered: Positive = 0.5
+    jump_m: Positive = 0.15
+    jump_rad: Positive = 0.10
+    speed_px: Positive = 6.0
+    restart_frames: Count = 9
+    keyframe_m: Positive = 0.4
+    keyframe_rad: Positive = 0.5
 
 
 @dataclass(frozen=True)

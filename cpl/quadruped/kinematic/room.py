@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cpl.settings.ranges import Positive, Settings, Share
+
 __all__ = ["TEXELS_PER_M", "Room", "textures"]
 
 TEXELS_PER_M = 32.0  # [1/m] so one texel is about one pixel at 2.3 m
@@ -19,7 +21,7 @@ FACES = 6  # -x, +x, -y, +y, floor, ceiling
 
 
 @dataclass(frozen=True, kw_only=True)
-class Room:
+class Room(Settings):
     """The hall.
 
     Args:
@@ -32,25 +34,21 @@ class Room:
         light: Light level, 1 = bright [-].
     """
 
-    half_x_m: float = 4.5
-    half_y_m: float = 4.5
-    height_m: float = 3.0
-    floor_half_width_m: float = 3.0
-    richness: float = 1.0
-    bare: float = 0.5
-    light: float = 1.0
+    half_x_m: Positive = 4.5
+    half_y_m: Positive = 4.5
+    height_m: Positive = 3.0
+    floor_half_width_m: Positive = 3.0
+    richness: Share = 1.0
+    bare: Share = 0.5
+    light: Positive = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("half_x_m", "half_y_m", "height_m", "floor_half_width_m", "light"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
-        for name in ("richness", "bare"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ValueError(f"{name} must be in [0, 1], not {getattr(self, name)}")
-        if not self.floor_half_width_m < min(self.half_x_m, self.half_y_m):
+        super().__post_init__()
+        walls = min(self.half_x_m, self.half_y_m)
+        if not self.floor_half_width_m < walls:
             raise ValueError(
-                f"floor_half_width_m must be below the walls' distance, not "
-                f"{self.floor_half_width_m}"
+                f"floor_half_width_m must be below the walls' distance {walls}, got"
+                f" {self.floor_half_width_m}"
             )
 
     @property
