@@ -30,6 +30,7 @@ MARKS = {
     "holds in part": "◐",
     "false as printed, true as corrected": "✎",
     "does not hold": "✕",
+    "no difference": "≈",
     "undecided": "?",
     "needs hardware": "⚙",
     "pending": "…",

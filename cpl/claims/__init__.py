@@ -22,6 +22,7 @@ __all__ = [
     "changes",
     "committed",
     "discussed_in",
+    "fix",
     "ledger",
     "own",
     "table",
@@ -149,3 +150,14 @@ def accept(*, root: Path | None = None) -> Path:
     from cpl.claims._ledger import accept as _accept
 
     return _accept(root)
+
+
+def fix(*, root: Path | None = None) -> Path:
+    """Fix the rules as they are now, before the data that they will decide on; return the file.
+
+    What is computed from now on names them in its manifest. A rule that did not change since it
+    was fixed keeps its date.
+    """
+    from cpl.claims._ledger import fix_rules as _fix
+
+    return _fix(root)

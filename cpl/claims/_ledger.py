@@ -10,7 +10,9 @@ from typing import TypeVar
 
 from cpl.claims import rows
 from cpl.claims.claim import HARDWARE, Claim, Reader, Source
-from cpl.claims.row import ClaimsTable, Row, TwinTable
+from cpl.claims.edition import came_first, first_edition, fix
+from cpl.claims.judging import Condition, decided_by, what_would_change
+from cpl.claims.row import ClaimsTable, Effect, Row, TwinTable
 from cpl.claims.verdict import Verdict
 from cpl.store import DamagedResultError, Manifest, atomic_write, data_path, read_published
 
@@ -20,6 +22,7 @@ __all__ = [
     "changes",
     "claims",
     "committed",
+    "fix_rules",
     "ledger",
     "own",
     "show",
@@ -103,6 +106,11 @@ def accept(root: Path | None = None) -> Path:
     return atomic_write(_file(root), json.dumps(verdicts, indent=1) + "\n")
 
 
+def fix_rules(root: Path | None = None) -> Path:
+    """Write the rules of now down; see `cpl.claims.fix`."""
+    return fix(claims(), root)
+
+
 def committed(root: Path | None = None) -> dict[int, str]:
     """Return the committed verdicts by row; none if nobody committed to any."""
     path = _file(root)
@@ -139,6 +147,7 @@ def _row(claim: Claim, root: Path | None) -> Row:
             missing = True
             return None
 
+    before = first_edition().get(claim.row)
     found, leaning = answer(claim.decide), answer(claim.in_the_twin)
     row = Row(
         row=claim.row,
@@ -153,12 +162,37 @@ def _row(claim: Claim, root: Path | None) -> Row:
         verdict=str(found.verdict if found else _without_results(claim)),
         flags=(*claim.flags, *(found.flags if found else ())),
         chapter=claim.chapter,
+        where=claim.where,
+        formula=claim.formula,
+        unit=claim.unit,
+        margin=claim.margin,
+        conditions=_effects(found.conditions) if found else (),
+        beside=_effects(found.beside) if found else (),
+        would_change=what_would_change(found) if found else "",
+        seeds_needed=decided_by(found) if found else None,
+        order=came_first(claim, list(seen.values())) if found else "",
+        before=before.verdict if before else None,
+        revised=claim.revised,
         computed_from=() if missing else tuple(_named(manifest) for manifest in seen.values()),
         in_the_twin=str(leaning) if leaning else None,
     )
     if not missing:
         _KEPT[claim] = seen, row
     return row
+
+
+def _effects(conditions: Sequence[Condition]) -> tuple[Effect, ...]:
+    return tuple(
+        Effect(
+            name=one.name,
+            value=one.effect.value,
+            low=one.effect.low,
+            high=one.effect.high,
+            needed=one.needed,
+            verdict=str(one.verdict),
+        )
+        for one in conditions
+    )
 
 
 def _manifest(experiment: str, root: Path | None) -> Manifest | None:

@@ -78,7 +78,11 @@ class Claim:
         claim: What is claimed, in our words.
         where: Place in the paper.
         paper_value: The number that the paper gives, if any.
+        formula: The claim typeset, in LaTeX.
         rule: What our number is, and what decides.
+        unit: Unit of our number; ``1`` where it has none.
+        margin: The smallest effect that matters or the level that is claimed, and why.
+        revised: What the second edition changed in the rule, and why; empty if nothing.
         chapter: Slug of the chapter that shows it.
         decide: The rule; it only counts and compares, and starts no experiment.
         in_the_twin: What the simulated quadruped shows of a claim about the robot; never a verdict.
@@ -90,7 +94,11 @@ class Claim:
     claim: str
     where: str
     paper_value: str | None = None
+    formula: str
     rule: str
+    unit: str
+    margin: str
+    revised: str = ""
     chapter: str
     decide: Callable[[Reader], Finding] | None = None
     in_the_twin: Callable[[Reader], Leaning] | None = None

@@ -1,8 +1,10 @@
 """A row of the ledger: a claim with what was found, and how rows are shown on a page."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
-__all__ = ["ClaimsTable", "Row", "TwinTable"]
+__all__ = ["ClaimsTable", "Effect", "Row", "TwinTable"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +25,17 @@ class Row:
         flags: What a reader must know beside it.
         chapter: Slug of the chapter that shows it.
         computed_from: Published results it rests on, as `experiment/profile@content`.
+        where: Place in the paper, or in this book.
+        formula: The claim typeset, in LaTeX.
+        unit: Of the number; ``1`` where it has none.
+        margin: The smallest effect that matters, or the level claimed, with the reason.
+        conditions: The effects that decided, each with `name, value, low, high, needed, verdict`.
+        beside: The same for what is told beside it and decides nothing.
+        would_change: Which data would change the verdict.
+        seeds_needed: How many seeds would decide an undecided row, if the estimate stays.
+        order: Which came first, the rule or the data.
+        before: Verdict of the first edition, if the row was in it.
+        revised: What the second edition changed in the rule, and why.
         in_the_twin: What the simulated quadruped shows of a claim about the robot, which is never a
             verdict; None where nobody asked it, or its results are not published.
     """
@@ -40,7 +53,39 @@ class Row:
     flags: tuple[str, ...]
     chapter: str
     computed_from: tuple[str, ...]
+    where: str = ""
+    formula: str = ""
+    unit: str = "1"
+    margin: str = ""
+    conditions: tuple[Effect, ...] = ()
+    beside: tuple[Effect, ...] = ()
+    would_change: str = ""
+    seeds_needed: int | None = None
+    order: str = ""
+    before: str | None = None
+    revised: str = ""
     in_the_twin: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect:
+    """One condition of a claim as it was found.
+
+    Attributes:
+        name: Where, or between what.
+        value: The effect, positive in the claimed direction.
+        low: Lower end of its 95 % interval.
+        high: Upper end.
+        needed: What it has to reach.
+        verdict: What is to be said of it alone.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    needed: float
+    verdict: str
 
 
 @dataclass(frozen=True)

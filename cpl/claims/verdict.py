@@ -1,12 +1,16 @@
-"""What can be said of a claim, and the rule that decides on an effect of a stated size."""
+"""What can be said of a claim, and what a rule hands back."""
 
-from collections.abc import Iterable, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
-from cpl.stats import Estimate
+if TYPE_CHECKING:
+    from cpl.claims.judging import Condition
+    from cpl.stats import Estimate
 
-__all__ = ["Finding", "Leaning", "Verdict", "rule_r"]
+__all__ = ["Finding", "Leaning", "Verdict"]
 
 
 class Verdict(StrEnum):
@@ -14,6 +18,7 @@ class Verdict(StrEnum):
 
     HOLDS = "holds"
     IN_PART = "holds in part"
+    NONE = "no difference"
     FAILS = "does not hold"
     UNDECIDED = "undecided"
     CORRECTED = "false as printed, true as corrected"
@@ -32,7 +37,9 @@ class Finding:
         high: Upper end.
         n: Units looked at (draws, sequences, windows, episodes, ...).
         n_seeds: Seeds they come from; 0 for exact enumeration.
-        flags: What a reader must know beside it (``underpowered``).
+        flags: What a reader must know beside it.
+        conditions: The effects that decided, where the claim is about effects.
+        beside: What stands beside the verdict and does not decide: controls and other readings.
     """
 
     verdict: Verdict
@@ -42,9 +49,11 @@ class Finding:
     n: int
     n_seeds: int
     flags: tuple[str, ...] = ()
+    conditions: tuple[Condition, ...] = ()
+    beside: tuple[Condition, ...] = ()
 
     @classmethod
-    def of(cls, verdict: Verdict, estimate: Estimate, *, n: int) -> "Finding":
+    def of(cls, verdict: Verdict, estimate: Estimate, *, n: int) -> Finding:
         """Return what a rule found that rests on one estimate over seeds."""
         value, low, high = estimate.value, estimate.low, estimate.high
         return cls(verdict=verdict, value=value, low=low, high=high, n=n, n_seeds=estimate.n)
@@ -64,54 +73,3 @@ class Leaning:
 
     def __str__(self) -> str:
         return f"{self.leans}: {self.text}"
-
-
-def rule_r(effects: Iterable[Estimate], claimed: Sequence[float | None]) -> Verdict:
-    """Decide whether an effect is there, in all conditions in which it was claimed.
-
-    For one condition, with c the claimed size (positive = in the claimed direction):
-
-    - *holds*: the interval excludes 0 in the claimed direction and the effect is at least c / 2
-      (where the paper gives no size, the direction alone decides);
-    - *undecided*: the interval contains both 0 and c / 2 (0 alone, without a size);
-    - *does not hold*: the interval lies at or below 0, or wholly below c / 2;
-    - *holds in part*: what remains, an effect that is there but smaller.
-
-    Over the conditions: all alike, that verdict; else *holds in part* if it holds in any, wholly or
-    in part; else *undecided* if any is.
-
-    Args:
-        effects: One estimate a condition, positive in the claimed direction.
-        claimed: Claimed size in each, > 0; None where the paper gives none.
-
-    Raises:
-        ValueError: If there is no condition, their numbers differ, or a claimed size is not > 0.
-
-    Examples:
-        The paper claims 12.8 s; we find 7 s, between 5 and 9:
-
-        >>> str(rule_r([Estimate(value=7.0, low=5.0, high=9.0, n=500)], [12.8]))
-        'holds'
-        >>> str(rule_r([Estimate(value=4.0, low=1.0, high=7.0, n=500)], [12.8]))
-        'holds in part'
-    """
-    estimates = list(effects)
-    if not estimates or len(estimates) != len(claimed):
-        msg = f"claimed must have one size a condition, got {len(estimates)} and {len(claimed)}"
-        raise ValueError(msg)
-    each = {_one(effect, size) for effect, size in zip(estimates, claimed, strict=True)}
-    if len(each) == 1:
-        return each.pop()
-    return Verdict.IN_PART if each & {Verdict.HOLDS, Verdict.IN_PART} else Verdict.UNDECIDED
-
-
-def _one(effect: Estimate, size: float | None) -> Verdict:
-    if size is not None and not size > 0:
-        msg = f"claimed sizes must be > 0 in the claimed direction, got {size!r}"
-        raise ValueError(msg)
-    half = 0.0 if size is None else size / 2
-    if effect.low > 0 and effect.value >= half:
-        return Verdict.HOLDS
-    if effect.high <= 0 or effect.high < half:
-        return Verdict.FAILS
-    return Verdict.UNDECIDED if effect.low <= 0 else Verdict.IN_PART

@@ -25,15 +25,22 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument(
         "--accept", action="store_true", help="commit to the verdicts as they are computed now"
     )
+    parser.add_argument(
+        "--fix",
+        action="store_true",
+        help="fix the rules as they are now: what is computed later names them",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the ledger, then what changed."""
-    from cpl.claims import accept, changes, ledger, own
+    from cpl.claims import accept, changes, fix, ledger, own
     from cpl.store import DamagedResultError
 
     try:
         rows = [*ledger(), *own()]
+        if args.fix:
+            fix()
         if args.accept:
             accept()
         changed = changes()

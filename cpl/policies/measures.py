@@ -16,7 +16,17 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-__all__ = ["AXES", "MEASURES", "SUMS", "Axes", "block_sums", "cube", "measure", "table_of"]
+__all__ = [
+    "AXES",
+    "MEASURES",
+    "READINGS",
+    "SUMS",
+    "Axes",
+    "block_sums",
+    "cube",
+    "measure",
+    "table_of",
+]
 
 Floats = NDArray[np.float64]
 
@@ -65,7 +75,23 @@ AXES: dict[str, Axes] = {
     "duration, step": Axes("duration_s", 1, "step_speed_mps", (0.0, 20.0)),
     "per km, episode": Axes("crashes_per_km", -1, "episode_speed_mps", (-3.0, 20.0)),
 }
-"""The planes, fixed before any result was seen; the first two decide."""
+"""The planes of the first edition, fixed before any result was seen."""
+
+_SAFETY = {
+    "duration": ("duration_s", 1, 0.0),
+    "crashes per episode": ("crash_rate", -1, -1.0),
+    "crashes per km": ("crashes_per_km", -1, -3.0),
+    "crashes per overtaken car": ("crashes_per_overtaken", -1, -1.0),
+}
+_SPEED = {"episode speed": "episode_speed_mps", "step speed": "step_speed_mps"}
+
+READINGS: dict[str, Axes] = {
+    f"{safety}, {speed}": Axes(name, sign, column, (worst, 20.0))
+    for safety, (name, sign, worst) in _SAFETY.items()
+    for speed, column in _SPEED.items()
+}
+"""All that "average speed at the same collision frequency" can mean: each way to count collisions,
+and the duration of the figure's own axis, by each way to average a speed."""
 
 
 def block_sums(episodes: pd.DataFrame, blocks: int) -> pd.DataFrame:

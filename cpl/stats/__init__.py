@@ -12,6 +12,7 @@ from cpl.stats.estimates import (
     mean_interval,
     paired_difference,
     proportion,
+    rank_correlation,
     split_conformal_law,
     split_conformal_rank,
 )
@@ -46,6 +47,7 @@ __all__ = [
     "p_value",
     "paired_difference",
     "proportion",
+    "rank_correlation",
     "restricted_mean",
     "split_conformal_law",
     "split_conformal_rank",

@@ -107,6 +107,8 @@ def apart(
     second: tuple[Ratio, Ratio],
     curve: tuple[Ratio, Ratio],
     weights: Weights,
+    *,
+    mixtures: bool = False,
 ) -> Estimate:
     """Return how much farther above a curve one method lies than another, each at its own x.
 
@@ -115,11 +117,14 @@ def apart(
         second: The other's; the same groups and units.
         curve: The rivals' y and x.
         weights: From ``hierarchical_weights``; the same resamples for both.
+        mixtures: Whether the rivals may be mixed by a coin.
 
     Returns:
         The difference; its ``n`` is the number of groups.
     """
-    (a, drawn_a), (b, drawn_b) = (_above(*own, *curve, weights) for own in (first, second))
+    (a, drawn_a), (b, drawn_b) = (
+        _above(*own, *curve, weights, mixtures=mixtures) for own in (first, second)
+    )
     return interval(a - b, drawn_a - drawn_b, groups=weights.groups)
 
 

@@ -19,6 +19,7 @@ from cpl.store.published import (
     record_verification,
     staleness,
 )
+from cpl.store.rules import fixed_rules, rules_in_force
 from cpl.store.source import (
     cpl_imports,
     external_imports,
@@ -56,6 +57,7 @@ __all__ = [
     "encode_table",
     "external_imports",
     "fingerprint",
+    "fixed_rules",
     "import_closure",
     "machine",
     "manifests",
@@ -66,6 +68,7 @@ __all__ = [
     "read_manifest",
     "read_published",
     "record_verification",
+    "rules_in_force",
     "same_table",
     "source_commit",
     "stage_key",

@@ -85,6 +85,8 @@ class Manifest:
         sha256: Digest of the Parquet file.
         shards: Stretches of rows, in order.
         verified: The last re-execution that agreed; making it counts as the first.
+        rules: The rules of the ledger that were fixed before it was computed, by row; see
+            `cpl.store.rules`.
     """
 
     experiment: str
@@ -105,6 +107,7 @@ class Manifest:
     content: str = ""
     sha256: str = ""
     shards: list[PublishedShard] = field(default_factory=list[PublishedShard])
+    rules: dict[str, str] = field(default_factory=dict[str, str])
 
 
 def publish(table: pd.DataFrame, manifest: Manifest, *, root: Path | None = None) -> Path:

@@ -6,12 +6,12 @@ import pytest
 
 from cpl.claims._ledger import claims
 from cpl.claims.claim import Source
-from cpl.conformal.bounds import running_maximum_bound
 from cpl.policies.table1 import CARRIED, PRINTED, ROWS, SWITCH
 
 PAIRS, SEEDS, TOPS = range(5), np.arange(60), (30.0, 40.0, 50.0)
 PLAIN = {"slow": (40.0, 20.0), "safe": (39.9, 20.5), "switch": (38.0, 26.0),
          "switch above": (33.0, 27.0), "switch below": (39.0, 24.5)}  # fmt: skip
+CRASHES = {"switch below": 6, "switch": 12, "switch above": 24}  # of 60
 
 
 def episodes():
@@ -32,10 +32,11 @@ def episodes():
                     pd.DataFrame(
                         {
                             "pair": pair, "top_mps": top, "policy": name, "seed": SEEDS,
-                            "steps": steps, "crashed": steps < 39, "speed_sum": speed * steps,
+                            "steps": steps, "crashed": CRASHES.get(name, 20) > 7 * SEEDS % 60,
+                            "speed_sum": speed * steps,
                             "last_speed": speed, "distance_m": speed * steps, "q_sum": q * steps,
                             "q_steps": steps, "scored": scored, "missed": 0.1 * scored,
-                            "fast_steps": 0.0 if top == 30.0 else (q - 0.05) * steps,
+                            "fast_steps": 0.0 if top == 30.0 else (q - 0.04) * steps * 2,
                             "as_speed": name == "speed",
                         }
                     )
@@ -46,7 +47,7 @@ def episodes():
 TABLE = episodes()
 TOLD = {"alpha": 0.1, "share": 0.1, "top_speed_mps": 40.0}
 EXPECTED = {
-    29: "holds", 30: "holds", 31: "holds in part", 32: "holds", 33: "holds", 34: "holds",
+    29: "holds", 30: "holds", 31: "holds in part", 32: "holds", 33: "holds", 34: "holds in part",
     35: "holds in part", 36: "holds", 38: "does not hold", 40: "holds", 41: "holds",
 }  # fmt: skip
 
@@ -78,44 +79,93 @@ def alike(table):
     return table.assign(as_speed=table["as_speed"] | same)
 
 
-def apart(table):
-    """Let training seeds differ by more than thresholds do."""
-    switches = table["policy"].isin(PLAIN) & table["policy"].str.startswith("switch")
-    return table.assign(steps=table["steps"] * (1 + 0.25 * (table["pair"] - 2) * switches))
+def torn(column, by, **chosen):
+    """Let training seeds differ: a column times 1 - by to 1 + by, from the first to the last."""
+
+    def change(table):
+        fits = np.logical_and.reduce(
+            [table[name].isin(np.atleast_1d(value)) for name, value in chosen.items()]
+        )
+        factor = np.where(fits, 1 + by * (table["pair"] - 2) / 2, 1.0)
+        columns = [column, *(("speed_sum", "distance_m") if column == "steps" else ())]
+        return table.assign(**{name: table[name] * factor for name in columns})
+
+    return change
 
 
+def crashing(above, below):
+    """Let so many of 60 episodes crash at the thresholds beside the chosen one."""
+
+    def change(table):
+        limit = np.select(
+            [table["policy"] == "switch above", table["policy"] == "switch below"],
+            [above(table) if callable(above) else above, below], 20,
+        )  # fmt: skip
+        return table.assign(crashed=7 * table["seed"] % 60 < limit)
+
+    return change
+
+
+def both(*changes):
+    def change(table):
+        for one in changes:
+            table = one(table)
+        return table
+
+    return change
+
+
+HOLDS, PART, FAILS, OPEN = "holds", "holds in part", "does not hold", "undecided"
+NONE = "no difference"
+SWITCHES = (SWITCH, "switch")
 MUTATIONS = [
-    (29, scaled("steps", 0.7, policy=ROWS[:3]), "does not hold"),
-    (30, scaled("steps", 0.8, policy=SWITCH, top_mps=30.0), "holds in part"),
-    (30, scaled("steps", 0.3, policy=SWITCH), "does not hold"),
-    (31, scaled("steps", 1.3, policy="rl", top_mps=(30.0, 50.0)), "holds in part"),
-    (31, scaled("steps", 0.5, policy="rl"), "does not hold"),
-    (32, scaled("steps", 0.8, policy="rl"), "holds in part"),
-    (32, scaled("steps", 0.5, policy="rl"), "does not hold"),
-    (33, scaled("steps", 2.0, policy="rl"), "does not hold"),
-    (33, scaled("steps", 2.0, policy="rl", top_mps=50.0), "holds in part"),
-    (34, scaled("steps", 0.6, policy=(SWITCH, "switch")), "does not hold"),
-    (34, scaled("steps", 0.6, policy="switch"), "holds in part"),
-    (35, scaled("steps", 0.5, policy="rl_nq"), "holds"),
-    (35, scaled("steps", 0.5, policy="rl"), "does not hold"),
-    (36, scaled("q_sum", 3.0, policy="rl_1"), "holds in part"),
-    (36, lambda table: scaled("q_sum", 3.0, policy="rl_1")(
-        scaled("fast_steps", 3.0, policy="rl_1")(table)), "does not hold"),
-    (38, alike, "holds"),
-    (40, scaled("missed", 9.0, policy=CARRIED), "does not hold"),
-    (40, scaled("missed", 9.0, policy=CARRIED[0]), "holds in part"),
-    (41, lambda table: apart(table), "does not hold"),
+    (29, scaled("steps", 0.7, policy=ROWS[:3]), FAILS),
+    (29, torn("steps", 0.5, policy=(SWITCH, "rl", "rl_1")), OPEN),
+    (30, scaled("steps", 0.8, policy=SWITCH, top_mps=30.0), PART),
+    (30, scaled("steps", 0.3, policy=SWITCH), FAILS),
+    (30, torn("steps", 0.9, policy=SWITCH), OPEN),
+    (31, scaled("steps", 1.3, policy="rl", top_mps=(30.0, 50.0)), HOLDS),
+    (31, scaled("steps", 0.5, policy="rl"), FAILS),
+    (31, torn("steps", 0.9, policy="rl"), OPEN),
+    (32, scaled("steps", 0.8, policy="rl"), PART),
+    (32, scaled("steps", 0.5, policy="rl"), FAILS),
+    (32, torn("steps", 0.9, policy="rl"), OPEN),
+    (33, scaled("steps", 2.0, policy="rl"), FAILS),
+    (33, scaled("steps", 2.0, policy="rl", top_mps=50.0), PART),
+    (33, torn("steps", 0.9, policy=SWITCH), OPEN),
+    (34, scaled("steps", 1.1, policy=SWITCHES), HOLDS),
+    (34, scaled("steps", 0.6, policy=SWITCHES), FAILS),
+    (34, scaled("steps", 0.6, policy="switch"), PART),
+    (34, torn("steps", 0.5, policy=SWITCHES), OPEN),
+    (35, scaled("steps", 0.5, policy="rl_nq"), HOLDS),
+    (35, scaled("steps", 0.5, policy="rl"), FAILS),
+    (35, torn("steps", 0.9, policy="rl"), OPEN),
+    (36, scaled("q_sum", 3.0, policy="rl_1"), PART),
+    (36, both(scaled("q_sum", 3.0, policy="rl_1"), scaled("fast_steps", 3.0, policy="rl_1")),
+     FAILS),
+    (36, both(torn("q_sum", 0.9, policy="rl_1"), torn("fast_steps", 0.9, policy="rl_1")), OPEN),
+    (38, alike, HOLDS),
+    (38, lambda table: table.assign(as_speed=table["pair"] > 0), OPEN),
+    (40, scaled("missed", 9.0, policy=CARRIED), FAILS),
+    (40, scaled("missed", 9.0, policy=CARRIED[0]), PART),
+    (40, torn("missed", 0.9, policy=CARRIED), OPEN),
+    (41, crashing(6, 24), FAILS),
+    (41, crashing(20, 20), NONE),
+    (41, crashing(lambda table: 6 * (table["pair"] + 1), 20), OPEN),
 ]  # fmt: skip
 
 
-def test_the_slack_of_the_long_run_is_the_bound_s():
-    rate = 0.1 + running_maximum_bound(0.1, 0.1, B=1.0) / (500 * len(SEEDS))
-    at = [scaled("missed", factor * rate / 0.1, policy=CARRIED) for factor in (0.999, 1.001)]
+def test_an_error_rate_is_held_against_alpha_itself():
+    """The long run of a bound may miss alpha by as much as row 27 allows, and not more."""
+    at = [scaled("missed", factor * 1.1, policy=CARRIED) for factor in (0.999, 1.001)]
     assert [verdict(40, change) for change in at] == ["holds", "does not hold"]
 
 
 def test_every_rule_has_a_mutation():
-    assert set(EXPECTED) == {row for row, *_ in MUTATIONS}
+    """It holds in one table, fails in one, and stays open in one."""
+    for row, expected in EXPECTED.items():
+        seen = {expected, *(verdict for r, _, verdict in MUTATIONS if r == row)}
+        assert seen >= {HOLDS, FAILS, OPEN}
 
 
 @pytest.mark.parametrize("row", EXPECTED)

@@ -63,6 +63,9 @@ CLAIM = Claim(
     paper_value=">= 1 - alpha",
     rule="mean coverage over calibration sets; in 1e5 draws of each kind mean, variance and shape "
     "meet the Beta law within 4 standard errors, and ties only add",
+    formula=r"P(s_{n+1}\le s_{(k)})\ge 1-\alpha",
+    unit="1",
+    margin="four standard errors of the mean, of the variance and of the shape: what chance does",
     chapter="promise",
     decide=_decide,
 )

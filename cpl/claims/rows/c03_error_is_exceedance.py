@@ -24,6 +24,9 @@ CLAIM = Claim(
     where="Section III-A",
     paper_value="err = 1 iff s > q",
     rule="share of scores whose reported error contradicts s > q; 0, ties included, for every rule",
+    formula=r"\mathrm{err}_t=1\iff s_t>q_t",
+    unit="1",
+    margin="none: one exception refutes it",
     chapter="tracking",
     decide=_decide,
 )

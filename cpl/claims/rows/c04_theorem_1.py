@@ -25,6 +25,9 @@ CLAIM = Claim(
     paper_value="all W and T0",
     rule="share of windows that break the printed form (W + 1 terms); the corrected form (W terms) "
     "must hold in at least 1e6 windows and be proved, the counterexample be found",
+    formula=r"\frac1W\sum_{t=T_0+1}^{T_0+W}\mathrm{err}_t\le\alpha+\frac{B+\eta}{\eta W}",
+    unit="1",
+    margin="none: one exception refutes it",
     chapter="theory",
     flags=(INCONSISTENT,),
     decide=_decide,

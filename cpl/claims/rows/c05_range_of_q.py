@@ -28,6 +28,9 @@ CLAIM = Claim(
     paper_value="[-(1 - alpha) eta, B + alpha eta]",
     rule="share of settings that leave the printed range; the corrected range [-alpha eta, "
     "B + (1 - alpha) eta) must hold in all and be proved",
+    formula=r"q_t\in[-(1-\alpha)\eta,\;B+\alpha\eta]",
+    unit="1",
+    margin="none: one exception refutes it",
     chapter="theory",
     flags=(INCONSISTENT,),
     decide=_decide,

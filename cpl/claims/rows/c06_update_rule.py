@@ -40,6 +40,9 @@ CLAIM = Claim(
     paper_value="1 - alpha",
     rule="mean of (error rate - alpha) under q + eta (err - alpha); that rule must reach alpha "
     "within its bound, the printed one leave it, and the target be proved to be alpha",
+    formula=r"q_{t+1}=q_t-\eta\nabla\rho_{1-\alpha}(\mathrm{err}_t-\alpha)",
+    unit="1",
+    margin="the bound on the distance from alpha after T steps",
     chapter="tracking",
     flags=(INCONSISTENT,),
     decide=_decide,

@@ -32,6 +32,9 @@ CLAIM = Claim(
     where="Section III-A, after Theorem 1",
     rule="largest deviation as a share of the bound for the running maximum; it holds in full if "
     "no reading of B_hat fails, in part if the running maximum holds and a trailing one fails",
+    formula=r"\eta_t=0.1\,\hat B_t",
+    unit="1",
+    margin="none: one exception refutes it",
     chapter="stretching",
     decide=_decide,
 )

@@ -21,6 +21,9 @@ CLAIM = Claim(
     claim="a two-sided guarantee exists",
     where="Section III-A, after Theorem 1",
     rule="share of windows below alpha W - B/eta - 1; 0 in at least 1e6, and proved",
+    formula=r"\alpha W-\frac B\eta-1\le\sum\mathrm{err}_t\le\alpha W+\frac B\eta+1",
+    unit="1",
+    margin="none: one exception refutes it",
     chapter="theory",
     decide=_decide,
 )

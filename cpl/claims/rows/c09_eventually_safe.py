@@ -33,6 +33,9 @@ CLAIM = Claim(
     paper_value="alpha + o(1)",
     rule="share of safe processes that leave the finite bound; 0 of all small decision processes "
     "(bounded scores need no assumption), and unsafe ones do leave it",
+    formula=r"\frac1T\sum_{t\le T}\mathrm{err}_t\le\alpha+o(1)",
+    unit="1",
+    margin="none: one exception refutes it",
     chapter="stretching",
     decide=_decide,
 )

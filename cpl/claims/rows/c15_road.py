@@ -38,6 +38,9 @@ CLAIM = Claim(
     paper_value="up to 50 m/s",
     rule="highest speed in the widest range; the configuration must match and every range be "
     "reachable (in part: some are)",
+    formula=r"4\ \text{lanes},\ 50\ \text{cars},\ v\in[20,50]\,\mathrm{m/s}",
+    unit="m/s",
+    margin="1 m/s: cars approach a speed exponentially",
     chapter="road",
     flags=(INCONSISTENT,),
     decide=_decide,

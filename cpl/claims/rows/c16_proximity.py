@@ -29,6 +29,9 @@ CLAIM = Claim(
     where="Section IV-C",
     paper_value="[0, 1]",
     rule="least and greatest l_tilde; all in (0, 1] and strictly decreasing in distance",
+    formula=r"\tilde\ell=\frac{2}{1+e^{0.1\ell}}\in[0,1]",
+    unit="1",
+    margin="none: one exception refutes it",
     chapter="drive",
     decide=_decide,
 )

@@ -1,8 +1,11 @@
 """Row 18: the predictor (64-128-64, 30,000 rollouts) is trained to convergence."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from cpl.claims.claim import Claim, Reader
+from cpl.claims.judging import Condition, found
 from cpl.claims.verdict import Finding, Verdict
 from cpl.stats import mean_interval
 
@@ -24,12 +27,9 @@ def _decide(read: Reader) -> Finding:
     counts = plain.loc[plain["quantity"] == "parameters", "value"]
     as_stated = bool((counts == _PARAMETERS).all()) and len(counts) > 0
     as_stated &= source.parameters["rollouts"] == _ROLLOUTS
-    if not as_stated or slope.low > _FLAT or slope.high < -_FLAT:
-        verdict = Verdict.FAILS
-    else:
-        inside = slope.low > -_FLAT and slope.high < _FLAT
-        verdict = Verdict.HOLDS if inside else Verdict.UNDECIDED
-    return Finding.of(verdict, slope, n=len(losses))
+    flat = Condition(name="validation loss", effect=slope, margin=_FLAT, same=True)
+    made = found([flat], n=len(losses))
+    return made if as_stated else replace(made, verdict=Verdict.FAILS)
 
 
 CLAIM = Claim(
@@ -38,6 +38,9 @@ CLAIM = Claim(
     where="Section IV-C",
     paper_value="30,000 rollouts",
     rule="slope of the validation loss at the end; the number of parameters must match",
+    formula=r"f_\theta:125\to64\to128\to64\to1",
+    unit="1/epoch",
+    margin=f"{_FLAT:g}: one per cent an epoch",
     chapter="forecast",
     decide=_decide,
 )

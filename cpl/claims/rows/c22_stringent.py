@@ -4,10 +4,12 @@ import numpy as np
 import pandas as pd
 
 from cpl.claims.claim import Claim, Reader
-from cpl.claims.rows._pareto import BASELINES, PLANES, widest
-from cpl.claims.verdict import Finding, rule_r
+from cpl.claims.judging import Condition, found
+from cpl.claims.margins import SPEED
+from cpl.claims.rows._pareto import BASELINES, least, widest
+from cpl.claims.verdict import Finding
 from cpl.policies.comparison import chosen, curve_of, weights_for
-from cpl.policies.measures import AXES, Axes
+from cpl.policies.measures import READINGS, Axes
 from cpl.stats import Estimate, at_levels, common_levels, interval
 
 __all__ = ["CLAIM"]
@@ -15,14 +17,15 @@ __all__ = ["CLAIM"]
 
 def _decide(read: Reader) -> Finding:
     source = read("pareto")
-    slopes = [_slope(widest(source), AXES[plane]) for plane in PLANES]
-    verdict = rule_r(slopes, [None, None])
-    least = min(slopes, key=lambda slope: slope.value)
-    return Finding.of(verdict, least, n=source.total("episodes"))
+    conditions = [
+        Condition(name=reading, effect=_growth(widest(source), axes), margin=SPEED.value)
+        for reading, axes in READINGS.items()
+    ]
+    return found(conditions, n=source.total("episodes"), shown=least(conditions))
 
 
-def _slope(table: pd.DataFrame, axes: Axes) -> Estimate:
-    """Return how much the gain over the mean of the baselines grows as q_safe gets smaller."""
+def _growth(table: pd.DataFrame, axes: Axes) -> Estimate:
+    """Return by how much the mean gain over the baselines grows to the most stringent q_safe."""
     ours = chosen(table, {"method": "conformal"})
     weights = weights_for(ours)
     curves = [
@@ -36,15 +39,26 @@ def _slope(table: pd.DataFrame, axes: Axes) -> Estimate:
     drawn = [at_levels(curve.x_drawn, curve.y_drawn, levels) for curve in curves]
     gain, gains = (part[0] - np.mean(part[1:], axis=0) for part in (read, drawn))
     centred = -(q_safe - q_safe.mean())
-    scale = float(centred @ centred)
-    return interval(float(gain @ centred) / scale, gains @ centred / scale, groups=weights.groups)
+    scale = float(np.ptp(q_safe)) / float(centred @ centred)
+    return interval(scale * float(gain @ centred), scale * (gains @ centred), groups=weights.groups)
 
 
 CLAIM = Claim(
     row=22,
     claim="its gain is larger for more stringent q_safe",
     where="Section IV-F",
-    rule="slope of the gain over q_safe; interval above 0",
+    rule=(
+        "growth of the gain over the mean of the baselines from the laxest to the most "
+        "stringent q_safe, by its slope, in every reading; shown: by collisions per "
+        "episode and episode speed"
+    ),
+    formula=r"\partial_{q_{\mathrm{safe}}}\,(v_{\mathrm{switch}}-\bar v_k)<0",
+    unit="m/s",
+    margin=str(SPEED),
+    revised=(
+        "A slope in m/s per unit of threshold had no margin that one could justify; its "
+        "product with the range of thresholds has the unit of the gain, and its margin."
+    ),
     chapter="switch",
     decide=_decide,
 )

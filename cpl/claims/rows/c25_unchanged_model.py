@@ -26,6 +26,9 @@ CLAIM = Claim(
     claim="it needs no change of the model and is the simplest method but one",
     where="abstract, Section IV-F",
     rule="number of weights that differ; 0 (simplicity: a table of lines and parameters, judged)",
+    formula=r"\theta_{\mathrm{conformal}}=\theta",
+    unit="1",
+    margin="none: one exception refutes it",
     chapter="forecast",
     decide=_decide,
 )

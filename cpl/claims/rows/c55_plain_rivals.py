@@ -30,6 +30,9 @@ CLAIM = Claim(
     "coverage in distribution, with one that is not, and with a rolling quantile, minus that with "
     "the headline's tracked quantile: holds if all three intervals lie within +-.03, fails if one "
     "lies wholly outside; shown is the one farthest from 0",
+    formula=r"|c_k(\bar v)-c_{\mathrm{quantile}}(\bar v)|<m",
+    unit="1",
+    margin=f"{MARGIN:g}: a difference that one would drive differently for",
     chapter="family",
     ours=True,
     decide=_decide,

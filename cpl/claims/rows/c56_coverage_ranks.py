@@ -76,6 +76,9 @@ CLAIM = Claim(
     rule="rank correlation over all members of the mean distance, world by world, of the error "
     "rate from alpha, and of the crash rate at equal speed (as in row 54): holds if the interval "
     "lies above 0, fails if it lies below .3",
+    formula=r"\rho\bigl(\overline{|C_w-\alpha|},\,c(\bar v)\bigr)>0",
+    unit="1",
+    margin=f"{_HALF:g}: a smaller correlation would not help to choose",
     chapter="family",
     ours=True,
     decide=_decide,

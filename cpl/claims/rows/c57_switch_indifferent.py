@@ -32,6 +32,9 @@ CLAIM = Claim(
     "that of the switch without a quantile whose q_safe gives the same pooled mean speed: holds "
     "if none is below 0 after Holm's correction and all intervals lie above -.03, in part if some "
     "are below 0 but by less than .03, fails if one is below -.03; shown is the least",
+    formula=r"c_{\mathrm{none}}(\bar v)-c_k(\bar v)\le0\quad\forall k",
+    unit="1",
+    margin=f"{MARGIN:g}: a difference that one would drive differently for",
     chapter="family",
     ours=True,
     decide=_decide,

@@ -17,6 +17,7 @@ from cpl.store import (
     canonical_json,
     machine,
     plain,
+    rules_in_force,
     source_commit,
     table_digest,
     today,
@@ -37,7 +38,7 @@ def run_job(
     """Run the missing shards of a job, and before them what they need; put all together."""
     store = WorkStore() if store is None else store
     how = _How(store=store, workers=workers, cluster=cluster, quiet=quiet)
-    outcome = _swept(task, tuple(task.pieces), how)
+    outcome, rules = _swept(task, tuple(task.pieces), how)
     table = pd.concat(outcome.tables.values(), ignore_index=True)
     provenance = Provenance(
         experiment=task.name,
@@ -55,6 +56,7 @@ def run_job(
         content=table_digest(table),
         verified=today(),
         shards=_stretches(outcome.tables),
+        rules=rules,
     )
     return Result(table=table, config=task.config, provenance=provenance)
 
@@ -76,13 +78,19 @@ class _How:
     quiet: bool
 
 
-def _swept(task: Job, names: Sequence[str], how: _How) -> Outcome:
-    """Run the named shards that the store does not hold, and before them their inputs."""
+def _swept(task: Job, names: Sequence[str], how: _How) -> tuple[Outcome, dict[str, str]]:
+    """Run the named shards that the store does not hold, and before them their inputs.
+
+    Returns:
+        The shards, and the rules of the ledger that were fixed before any of them was begun.
+    """
     inputs = _inputs(task, names, how)
     keys = {n: task.key(digests(task.needs(n), inputs[n])) for n in names}
+    known, told = how.store.descriptions(task.name), list[dict[str, str]]()
     for key in set(keys.values()):
-        how.store.describe(task.name, key, _description(task))
-    return sweep(
+        told.append(known[key].get("rules", {}) if key in known else rules_in_force())
+        how.store.describe(task.name, key, {**_description(task), "rules": told[-1]})
+    outcome = sweep(
         partial(_run_shard, task.module.run_shard, task.config),
         {n: _arguments(task, n, inputs[n]) for n in names},
         stage=task.name,
@@ -93,6 +101,8 @@ def _swept(task: Job, names: Sequence[str], how: _How) -> Outcome:
         cluster=how.cluster,
         quiet=how.quiet,
     )
+    shared = set[tuple[str, str]].intersection(*(set(rules.items()) for rules in told))
+    return outcome, dict(sorted(shared))
 
 
 def _arguments(task: Job, shard: str, inputs: Inputs) -> tuple[Any, ...]:
@@ -141,7 +151,7 @@ def _found(need: Need, how: _How) -> dict[str, pd.DataFrame]:
         raise ValueError(msg)
     found = published_shards(need, task.module)
     missing = [name for name in need.shards if name not in found]
-    return {**found, **(_swept(task, missing, how).tables if missing else {})}
+    return {**found, **(_swept(task, missing, how)[0].tables if missing else {})}
 
 
 def _description(task: Job) -> dict[str, Any]:

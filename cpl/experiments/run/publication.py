@@ -91,6 +91,7 @@ def manifest_of(result: Result) -> Manifest:
         made=told.made,
         seconds=round(told.seconds, 3),
         shards=list(told.shards),
+        rules=dict(told.rules),
         verified=Verification(
             date=told.made,
             modules=told.modules,
@@ -128,6 +129,7 @@ def published(name: str, profile: str) -> Result:
         verified=None if reasons else manifest.verified.date,
         stale=tuple(reasons),
         shards=tuple(manifest.shards),
+        rules=manifest.rules,
     )
     config = _rebuilt(module, profile, manifest.parameters)
     return Result(table=table, config=config, provenance=provenance)

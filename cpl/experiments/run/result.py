@@ -1,6 +1,7 @@
 """What comes back from an experiment: a table, where it comes from, and how a check went."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import pandas as pd
@@ -31,6 +32,7 @@ class Provenance:
         verified: Date of the last re-execution that agreed; None if the code changed since.
         stale: Why it is unverified, one line a reason.
         shards: Stretches of rows that were computed in one go.
+        rules: The rules of the ledger that were fixed before, see `cpl.store.rules`.
     """
 
     experiment: str
@@ -49,6 +51,7 @@ class Provenance:
     verified: str | None
     stale: tuple[str, ...] = ()
     shards: tuple[PublishedShard, ...] = ()
+    rules: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def __str__(self) -> str:
         checked = f"verified {self.verified}" if self.verified else "unverified"
