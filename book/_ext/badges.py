@@ -123,7 +123,8 @@ def _small(row: dict[str, Any], ledger: str) -> str:
     )
     return (
         f'<{open_} class="verdict {kind}">'
-        f'<span aria-hidden="true">{MARKS[row["verdict"]]}</span> no. {row["row"]}: {row["verdict"]}'
+        f'<span aria-hidden="true">{MARKS[row["verdict"]]}</span> '
+        f"no. {row['row']}: {row['verdict']}"
         f"</{close}>"
     )
 
