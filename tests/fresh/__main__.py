@@ -40,8 +40,8 @@ COMMANDS = {
         "python3 -m venv .venv",
         "if .venv/bin/python -m pip download -qq --no-deps -d /tmp torch==2.13.0+cpu;"
         " then make venv; else .venv/bin/python -m pip install -qq -c constraints.txt"
-        " -e '.[logs,quadruped,tools]'; fi",
-        ".venv/bin/python -m pytest -n 2",
+        " -e '.[cluster,course,go1,logs,quadruped,t265,tools]'; fi",
+        ".venv/bin/python -m pytest -n 2 -p tests.fresh.lacking",
     ),
 }
 
