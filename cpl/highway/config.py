@@ -50,8 +50,10 @@ class Config:
         reward_speed_range: Forward speeds that earn 0 and 1 [m/s].
         normalize_reward: Whether [collision, high speed + right lane] is mapped to [0, 1].
         offroad_terminal: Whether leaving the road terminates.
-        simulation_frequency: Frames per second [Hz]; a multiple of `policy_frequency`.
-        policy_frequency: Decisions per second [Hz].
+        simulation_frequency: Frames per second [Hz], at least `policy_frequency`.
+        policy_frequency: Decisions per second [Hz]. Where it does not divide the frames, each
+            decision has their whole quotient and still counts 1 / policy_frequency, as in
+            highway-env: with 15 and 2 Hz, 7 frames and half a second.
         target_speeds: Strictly increasing speed levels of the ego car, at least two [m/s].
         observation_vehicles_count: Rows of the observation, the ego car's included [-]. With one
             row only the ego car is shown (highway-env then shows every car in sight).
@@ -154,10 +156,11 @@ class Config:
             self._set("initial_lane_id", _integer("initial_lane_id", self.initial_lane_id, 0, top))
         _choice("order", self.order, _ORDERS)
         _choice("collisions", self.collisions, _COLLISIONS)
-        if self.simulation_frequency % self.policy_frequency:
+        if self.simulation_frequency < self.policy_frequency:
             raise ValueError(
-                "simulation_frequency must be a multiple of policy_frequency"
-                f" ({self.policy_frequency}), got {self.simulation_frequency}"
+                "simulation_frequency must be at least policy_frequency"
+                f" ({self.policy_frequency}), got {self.simulation_frequency}: no frame would be"
+                " simulated between two decisions"
             )
         if self.normalize_reward and (
             self.high_speed_reward + self.right_lane_reward == self.collision_reward

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from cpl.highway.config import Config
 from cpl.highway.engine import Engine, Info
+from cpl.highway.geometry import CAR_LENGTH, LANE_WIDTH, ROAD_LENGTH
+from cpl.highway.live_options import LiveOptions
 from cpl.highway.options import change_config, make_config
 from cpl.highway.reference import CAR_FIELDS, EGO_FIELDS
 from cpl.highway.render import Renderer
@@ -34,16 +36,28 @@ ENV_ID = "cpl/highway-v0"
 ACTIONS = {0: "LANE_LEFT", 1: "IDLE", 2: "LANE_RIGHT", 3: "FASTER", 4: "SLOWER"}
 """highway-env's meta-actions."""
 
-_IDLE = 1
+_LEFT, _IDLE, _RIGHT, _FASTER, _SLOWER = range(5)
 
 
 class HighwayEnv(gymnasium.Env[NDArray[np.float32], np.int64]):
     """One road, interchangeable with highway-env's `highway-v0`.
 
     Observations, rewards, terminations and the info dictionary are highway-env's for the same
-    options, seeds and actions; the differences are documented here. The observation space is
-    bounded where the observation is. `info["action"]` of a reset is IDLE, where highway-env reports
-    a random action that nobody took. Stepping before a reset is an error.
+    options, seeds and actions. What differs:
+
+    | highway-env 1.12.1 | here |
+    |---|---|
+    | any observation, action and vehicle type | Kinematics, DiscreteMetaAction, IDM; else refused |
+    | the observation space is unbounded | bounded where the observation is |
+    | with one row of observation, every car in sight | the ego car alone |
+    | `info["action"]` of a reset is random, nobody took it | IDLE |
+    | a road from the start, before any reset | stepping or rendering before a reset is an error |
+    | `config` changes act at once or at the next reset, by option | at the next reset |
+    | a nested option that is set replaces the whole of it | what is left out keeps its value |
+    | an unknown option or key of `reset(options=...)` is ignored | refused |
+    | a window (`render_mode="human"`), keyboard control | refused |
+    | frequencies may be fractions; no frame at all is accepted | whole numbers, one frame or more |
+    | `road`, `vehicle` and functions that edit them (`simplify`, ...) | not there; `engine` is |
 
     Args:
         render_mode: None or "rgb_array" (drawn by highway-env's renderer).
@@ -77,19 +91,27 @@ class HighwayEnv(gymnasium.Env[NDArray[np.float32], np.int64]):
         Args:
             seed: of numpy's PCG64, as in highway-env; None goes on with the random numbers of the
                 episode before, and starts from Gymnasium's own seed the first time.
-            options: as in highway-env, `{"config": {...}}` changes options from now on.
+            options: as in highway-env, `{"config": {...}}` changes options from now on; what was
+                set in `config` before holds as well.
 
         Returns:
             The observation and the info.
 
         Raises:
-            ValueError: if the seed is no integer of 64 bits, or an option is unknown or impossible.
+            ValueError: if the seed is no integer of 64 bits, an option is unknown or impossible, or
+                `options` holds anything but `config`.
         """
         seed = checked_seed(seed)
-        super().reset(seed=seed)
+        if unknown := (options or {}).keys() - {"config"}:
+            raise ValueError(
+                f"options of a reset must be {{'config': {{...}}}}, got {sorted(unknown)}; options "
+                f"of the road go inside, as in options={{'config': {options!r}}}"
+            )
         changes = (options or {}).get("config")
         if changes:
-            self._reconfigure(changes)
+            self.configure(changes)
+        super().reset(seed=seed)
+        self._apply()
         if seed is None and not self._seeded:
             seed = int(self.np_random.integers(2**63))
         obs = self._engine.reset(None if seed is None else np.array([seed], dtype=np.uint64))
@@ -148,13 +170,46 @@ class HighwayEnv(gymnasium.Env[NDArray[np.float32], np.int64]):
         return self._engine
 
     @property
-    def config(self) -> Config:
-        """The road's settings."""
-        return self._engine.config
+    def config(self) -> LiveOptions:
+        """highway-env's dictionary of options; what is set holds from the next reset on."""
+        return LiveOptions(lambda: self._wanted, self.configure)
+
+    def configure(self, changes: Mapping[str, Any] | None) -> None:
+        """Change options from the next reset on, as `config.update` does.
+
+        Args:
+            changes: highway-env's options, flat or nested; None changes nothing.
+
+        Raises:
+            ValueError: an option is unknown or impossible; then none is changed.
+        """
+        self._wanted = change_config(*self._wanted, changes or {})
+
+    def get_available_actions(self) -> list[int]:
+        """Say which actions change something, in highway-env's order.
+
+        Returns:
+            Indices into `ACTIONS`: IDLE, the lanes beside the ego car's, the next speed levels.
+
+        Raises:
+            ValueError: before the first reset.
+        """
+        if not self._seeded:
+            raise ValueError("actions before reset: there is no road yet")
+        state, config = state_of(self._engine, 0), self._engine.config
+        lane, level = int(state["lane"][0]), int(state["speed_index"])
+        beside = [
+            action
+            for action, side in ((_LEFT, lane - 1), (_RIGHT, lane + 1))
+            if 0 <= side < config.lanes_count and _reachable(state["x"][0], state["y"][0], side)
+        ]
+        faster = [_FASTER] if level < len(config.target_speeds) - 1 else []
+        return [_IDLE, *beside, *faster, *([_SLOWER] if level > 0 else [])]
 
     def _configure(self, config: Config, picture: Mapping[str, object]) -> None:
         self._engine = Engine(config, 1)
         self._picture = picture
+        self._wanted = (config, picture)
         self._renderer = Renderer(config, picture)
         self._seeded = False
         box = observation_space(config)
@@ -162,11 +217,13 @@ class HighwayEnv(gymnasium.Env[NDArray[np.float32], np.int64]):
         self.action_space = action_space()
         self.metadata = {**type(self).metadata, "render_fps": 2 * config.policy_frequency}
 
-    def _reconfigure(self, changes: Mapping[str, Any]) -> None:
-        """Build another road that goes on with this one's random numbers."""
+    def _apply(self) -> None:
+        """Build the road that is wanted, going on with this one's random numbers."""
+        if self._wanted == (self._engine.config, self._picture):
+            return
         before, seeded = self._engine.state(), self._seeded
         self._renderer.close()
-        self._configure(*change_config(self.config, self._picture, changes))
+        self._configure(*self._wanted)
         blank = self._engine.state()
         self._engine.set_state(
             replace(blank, generator=before.generator, noise_generator=before.noise_generator)
@@ -234,6 +291,11 @@ def observation_space(config: Config) -> gymnasium.spaces.Box:
     bound = 1.0 if bounded else np.inf
     shape = (config.observation_vehicles_count, len(config.features))
     return gymnasium.spaces.Box(-bound, bound, shape, np.float32)
+
+
+def _reachable(x: float, y: float, lane: int) -> bool:
+    """Say whether a car may turn to a lane from where it is, as highway-env asks its lanes."""
+    return bool(abs(y - lane * LANE_WIDTH) <= 2 * LANE_WIDTH and 0 <= x < ROAD_LENGTH + CAR_LENGTH)
 
 
 def info_at_reset(engine: Engine) -> Info:

@@ -8,7 +8,13 @@ from typing import Any
 
 from cpl.highway.config import Config
 
-__all__ = ["RENDER_OPTIONS", "change_config", "highway_env_options", "make_config"]
+__all__ = [
+    "RENDER_OPTIONS",
+    "change_config",
+    "fixed_options",
+    "highway_env_options",
+    "make_config",
+]
 
 RENDER_OPTIONS: dict[str, object] = {
     "screen_width": 600,  # [px]
@@ -122,6 +128,16 @@ def highway_env_options(config: Config) -> dict[str, Any]:
     return options
 
 
+def fixed_options() -> dict[str, object]:
+    """Return highway-env's options that have one meaning here, with what it reports for them.
+
+    Example:
+        >>> fixed_options()["manual_control"]
+        False
+    """
+    return {name: allowed[-1] for name, allowed in _FIXED.items() if "." not in name}
+
+
 _ROAD = (
     *("lanes_count", "vehicles_count", "initial_lane_id", "duration", "ego_spacing"),
     *("vehicles_density", "collision_reward", "right_lane_reward", "high_speed_reward"),
@@ -130,7 +146,8 @@ _ROAD = (
 )
 _OBSERVATION = ("see_behind", "absolute", "normalize", "clip", "order")
 
-# Options of highway-env that have one meaning here, or none: what may be passed for each.
+# Options of highway-env that have one meaning here, or none: what may be passed for each, and last
+# what is reported.
 _FIXED: dict[str, tuple[object, ...]] = {
     "controlled_vehicles": (1,),
     "other_vehicles_type": ("highway_env.vehicle.behavior.IDMVehicle",),
@@ -139,7 +156,7 @@ _FIXED: dict[str, tuple[object, ...]] = {
     "render_agent": (True,),
     "show_trajectories": (False,),
     "offscreen_rendering": (None, True),
-    "neighbour_vehicles_connected_lanes": (False, True),  # a straight road has no other segment
+    "neighbour_vehicles_connected_lanes": (True, False),  # a straight road has no other segment
     "observation.type": ("Kinematics",),
     "observation.observe_intentions": (False, True),  # without routes the columns are 0 anyway
     "observation.include_obstacles": (True, False),  # there are none

@@ -68,6 +68,10 @@ class Renderer:
             self._env.close()
             self._env = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the drawing program at home: a copy opens its own with its first picture."""
+        return {**vars(self), "_env": None}
+
     def _open(self) -> HighwayEnv:
         from highway_env.envs.common.graphics import EnvViewer
 

@@ -49,9 +49,10 @@ def test_impossible_roads(name, value):
         Config(**{name: value})
 
 
-def test_frequencies_must_divide():
-    with pytest.raises(ValueError, match=r"simulation_frequency .* policy_frequency \(2\), got 15"):
-        Config(simulation_frequency=15, policy_frequency=2)
+def test_a_decision_takes_a_frame_or_more():
+    with pytest.raises(ValueError, match=r"simulation_frequency .*policy_frequency \(16\), got"):
+        Config(simulation_frequency=15, policy_frequency=16)
+    assert Config(simulation_frequency=15, policy_frequency=2).frames == 7
 
 
 def test_a_reward_that_cannot_be_normalised():

@@ -270,7 +270,7 @@ def test_a_policy_of_collisions_is_kept():
         ("target_speeds", (20.0,)),
         ("target_speeds", (30.0, 20.0)),
         ("simulation_frequency", 16 - 1 + 0.5),
-        ("policy_frequency", 2),
+        ("policy_frequency", 16),
         ("initial_lane_id", 4),
         ("duration", 0),
         ("features", ("speed",)),

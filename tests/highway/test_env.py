@@ -34,7 +34,7 @@ def test_options_of_the_issue():
         target_speeds=(20, 30, 40),
         see_behind=False,
     )
-    assert env.unwrapped.config.target_speeds == (20, 30, 40)
+    assert env.unwrapped.engine.config.target_speeds == (20, 30, 40)
     assert env.observation_space.shape == (5, 5)
     assert env.action_space == gymnasium.spaces.Discrete(5)
 
@@ -75,7 +75,7 @@ def test_reset_takes_new_options_and_goes_on_with_the_random_numbers():
     change = {"config": {"vehicles_count": 4, "lanes_count": 2}}
     np.testing.assert_array_equal(ours.reset(options=change)[0], real.reset(options=change)[0])
     np.testing.assert_array_equal(ours.reset()[0], real.reset()[0])
-    assert ours.config.lanes_count == 2
+    assert ours.engine.config.lanes_count == 2
     with pytest.raises(ValueError, match="unknown option lane_count=2"):
         ours.reset(options={"config": {"lane_count": 2}})
 
@@ -131,7 +131,7 @@ def test_order_of_calls():
 
 def test_paper_setting_by_name():
     env = HighwayEnv(**highway_env_options(PAPER))
-    assert env.config == PAPER
+    assert env.engine.config == PAPER
 
 
 def test_importing_the_road_imports_nothing_heavy():

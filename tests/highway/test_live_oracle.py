@@ -129,7 +129,7 @@ def configurations():
             "ego_spacing": st.floats(0.1, 4),
             "duration": st.integers(1, 6),
             "simulation_frequency": st.sampled_from([4, 8, 12, 20]),
-            "policy_frequency": st.sampled_from([1, 2, 4]),
+            "policy_frequency": st.sampled_from([1, 2, 3, 4]),
             "right_lane_reward": st.floats(0, 1),
             "high_speed_reward": st.floats(0, 1),
             "collision_reward": st.floats(-10, -0.1),

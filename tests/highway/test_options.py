@@ -64,7 +64,7 @@ def test_both_spellings_mean_the_same():
         ({"vehicles_density": -1}, "vehicles_density must be"),
         ({"target_speeds": ()}, "target_speeds must be"),
         ({"target_speeds": (30, 20)}, "target_speeds must be"),
-        ({"simulation_frequency": 15, "policy_frequency": 4}, "simulation_frequency must be"),
+        ({"simulation_frequency": 15, "policy_frequency": 16}, "simulation_frequency must be"),
         ({"duration": float("nan")}, "duration must be"),
     ],
 )
