@@ -45,6 +45,14 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )  # fmt: skip
     parser.add_argument("--eta", type=float, help="the fixed step, in units of the score")
     parser.add_argument("--share", type=float, default=0.1, help="the share (0.1)")
+    parser.add_argument(
+        "--method", metavar="MEMBER",
+        help="a member of the family with its plain settings in place of --rule: fixed, aci, "
+        "dtaci, pid, kt, ... (a wrong name lists all)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--scale", type=float, default=1.0, help="size of the scores, for --method (1)"
+    )
     parser.add_argument("--delay", type=int, default=1, help="steps until a score is known (1)")
     parser.add_argument("--out", type=Path, help="write t, score, q and err as CSV")
 
@@ -127,6 +135,8 @@ def _say_what_would_do(scores: NDArray[np.float64], args: argparse.Namespace) ->
 def _rule(args: argparse.Namespace) -> Rule:
     from cpl.conformal import Fixed, RunningMax
 
+    if args.method is not None:
+        return _member(args)
     if args.rule == "fixed":
         if args.eta is None:
             msg = "--rule fixed needs --eta, the step in units of the score"
@@ -136,3 +146,13 @@ def _rule(args: argparse.Namespace) -> Rule:
         msg = "--eta goes with --rule fixed; a running maximum takes --share"
         raise UsageError(msg)
     return RunningMax(c=args.share)
+
+
+def _member(args: argparse.Namespace) -> Rule:
+    from cpl.conformal.family import MEMBERS
+
+    if args.method not in MEMBERS:
+        raise UsageError(f"--method must be one of {', '.join(MEMBERS)}, got {args.method!r}")
+    if not args.scale > 0:
+        raise UsageError(f"--scale must be > 0, got {args.scale!r}")
+    return MEMBERS[args.method].make(args.scale)

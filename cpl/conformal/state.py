@@ -61,6 +61,14 @@ class StateRule(ABC):
     def numbers(self, alpha: float) -> FloatArray:
         """Return what ``update`` needs to know of the settings; ``alpha`` comes first."""
 
+    def most_errors(self, *, alpha: float, B: float, T: int) -> int | None:
+        """Return the most errors in the first T steps on scores in [0, B]; None: no promise.
+
+        For prompt feedback and a first threshold in [0, B].
+        """
+        del alpha, B, T
+        return None
+
 
 class Running:
     """A state rule at work on one sequence.

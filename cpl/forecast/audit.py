@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from cpl.conformal import Fixed, Rule, RunningMax, step_sizes, track
+from cpl.conformal import PI, Decaying, Fixed, Rule, RunningMax, StateRule, step_sizes, track
 from cpl.conformal.bounds import max_errors_from_start, variable_step_bound
 
 __all__ = ["Audit", "audit", "environment_scores"]
@@ -187,6 +187,13 @@ def _bound(
         # score meets its threshold exactly, that can decide a miss.
         drift = 4 * np.finfo(np.float64).eps * T * (largest + rule.eta)
         return max_errors_from_start(alpha, rule.eta, largest + drift, T, delay=delay), ""
+    if isinstance(rule, StateRule):
+        if delay > 1:
+            return None, f"with a delay of {delay} none is known for this member of the family"
+        most = rule.most_errors(alpha=alpha, B=largest, T=T)
+        return most, "" if most is not None else "this member promises no count of errors"
+    if isinstance(rule, Decaying | PI):
+        return None, "this rule promises the long run, and no count of errors before"
     if not isinstance(rule, RunningMax):
         return None, "for this rule there is none: it can freeze"
     if delay > 1:

@@ -143,3 +143,15 @@ def test_the_command_refuses_by_name(tmp_path, capsys, words, message):
     good.write_text("0.1\n0.2\n")
     assert main(["track", *(word.format(good=good) for word in words)]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_the_command_takes_a_member_of_the_family(tmp_path, capsys):
+    path = tmp_path / "scores.csv"
+    path.write_text("\n".join(str(k % 7) for k in range(400)), encoding="utf-8")
+    assert main(["track", str(path), "--method", "aci"]) == 0
+    assert "at most 86 misses in 400 steps" in capsys.readouterr().out
+    assert main(["track", str(path), "--method", "kt", "--scale", "5"]) == 0
+    assert "promises no count of errors" in capsys.readouterr().out
+    for words, message in ((["--method", "magic"], "must be one of"), (["--scale", "0"], "> 0")):
+        assert main(["track", str(path), "--method", "kt", *words]) == 2
+        assert message in capsys.readouterr().err

@@ -9,6 +9,7 @@ import pkgutil
 from types import MappingProxyType
 
 from cpl.conformal.family._member import Member
+from cpl.conformal.family._variants import VARIANTS
 from cpl.conformal.family.aci import ACI
 from cpl.conformal.family.cop import COP
 from cpl.conformal.family.cost_aware import CostAware
@@ -35,6 +36,7 @@ __all__ = [
     "SAOCP",
     "SFOGD",
     "UPOCP",
+    "VARIANTS",
     "CostAware",
     "DecisionTheory",
     "DtACI",

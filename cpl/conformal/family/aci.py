@@ -1,5 +1,6 @@
 r"""Adaptive conformal inference: the level moves, the threshold is a quantile of past scores."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,6 +81,13 @@ class ACI(StateRule):
         """Return the settings."""
         convention = _window.CONVENTIONS.index(self.quantile)
         return np.array([alpha, self.gamma, self.window, convention, self.clip], np.float64)
+
+    def most_errors(self, *, alpha: float, B: float, T: int) -> int | None:
+        """Return the published bound, whatever the scores; none where the level is clipped."""
+        if self.clip:
+            return None
+        more = (max(alpha, 1.0 - alpha) + self.gamma) / self.gamma
+        return min(T, math.floor(alpha * T + more))
 
 
 MEMBER = Member(

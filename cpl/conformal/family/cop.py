@@ -1,5 +1,6 @@
 r"""Conformal optimistic prediction: step to where the scores seen so far say one will be sent."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,6 +69,10 @@ class COP(StateRule):
     def numbers(self, alpha: float) -> FloatArray:
         """Return the settings."""
         return np.array([alpha, self.eta, self.window], np.float64)
+
+    def most_errors(self, *, alpha: float, B: float, T: int) -> int | None:
+        """Return the bound of every window, from the walls of p."""
+        return min(T, math.floor(alpha * T + B / self.eta + 2.0))
 
 
 MEMBER = Member(

@@ -1,5 +1,6 @@
 r"""Cost-aware tracking: an error counts for as much as it costs."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,6 +66,10 @@ class CostAware(StateRule):
     def numbers(self, alpha: float) -> FloatArray:
         """Return the settings."""
         return np.array([alpha, self.eta, self.cost, self.reach])
+
+    def most_errors(self, *, alpha: float, B: float, T: int) -> int | None:
+        """Return the bound: no error costs less than 1."""
+        return min(T, math.floor(alpha * T + B / self.eta + 1.0 + self.cost - alpha))
 
 
 MEMBER = Member(

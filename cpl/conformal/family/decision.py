@@ -63,7 +63,7 @@ MEMBER = Member(
     name="decision",
     title="Decision theory",
     year=2024,
-    paper="lekeufack2024conformal",
+    paper="lekeufack2024decision",
     make=lambda scale: DecisionTheory(eta=0.1 * scale, reach=0.5 * scale),
     guarantee="mean loss within (B + eta) / (eta T) of alpha; no count of errors",
     tuning="step, loss",

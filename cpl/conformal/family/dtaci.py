@@ -125,7 +125,7 @@ MEMBER = Member(
     name="dtaci",
     title="DtACI",
     year=2024,
-    paper="gibbs2024conformal",
+    paper="gibbs2024arbitrary",
     make=lambda scale: DtACI(gammas=(0.001, 0.004, 0.016, 0.064, 0.128), window=100, interval=100),
     guarantee="regret on every interval; the error only as far as its best step's",
     tuning="steps, interval, window",

@@ -96,7 +96,7 @@ MEMBER = Member(
     name="pid",
     title="PID with a scorecaster",
     year=2023,
-    paper="angelopoulos2023conformal",
+    paper="angelopoulos2023pid",
     make=lambda scale: PID(eta=0.1 * scale, K_I=0.5 * scale, C_sat=5.0, level=0.1, trend=0.0),
     guarantee="long-run error, where the scorecaster's error is bounded",
     tuning="step, gain, saturation, smoothing",

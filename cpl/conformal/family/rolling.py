@@ -63,8 +63,8 @@ class Rolling(StateRule):
 MEMBER = Member(
     name="rolling",
     title="Rolling quantile",
-    year=1977,
-    paper="tukey1977exploratory",
+    year=2023,
+    paper="angelopoulos2023pid",
     make=lambda scale: Rolling(window=100),
     guarantee="none; right for exchangeable scores",
     tuning="window",

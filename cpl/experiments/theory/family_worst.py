@@ -36,7 +36,7 @@ class Config:
     alpha: float = 0.1
     W: int = 40
     steps: int = 800
-    horizon: int = 240
+    horizon: int = 800
     stretch: int = 400
 
 
@@ -88,16 +88,13 @@ def _promised(rule: Rule, alpha: float, W: int) -> int | None:
     """Return the most misses that the published or derived bound allows in W steps, B = 1."""
     match rule:
         case Fixed(eta=eta):
-            more = 1 / eta + 1
-        case ACI(gamma=gamma):
-            more = (max(alpha, 1 - alpha) + gamma) / gamma + 1 / gamma
-        case COP(eta=eta):
-            more = 1 / eta + 2
-        case CostAware(eta=eta, cost=cost):
-            more = 1 / eta + 1 + cost
+            return min(W, math.floor(alpha * W + 1 / eta + 1))
+        case ACI(gamma=gamma):  # its published bound is for the start; a window has both walls
+            return min(W, math.floor(alpha * W + 1 / gamma + 1 + max(alpha, 1 - alpha) / gamma))
+        case COP() | CostAware():
+            return rule.most_errors(alpha=alpha, B=1.0, T=W)
         case _:
             return None
-    return min(W, math.floor(alpha * W + more))
 
 
 def _exact(rule: Rule, alpha: float, config: Config) -> int | None:
@@ -131,4 +128,4 @@ def _portfolio(misses: int, events: int, alpha: float, wealth: float) -> float:
         - covers * math.log(1 - alpha)
     )
     share = (misses + 0.5) / (events + 1)
-    return wealth * (share - alpha) / (alpha * (1 - alpha)) * math.exp(log_wealth)
+    return wealth * (share - alpha) / (alpha * (1 - alpha)) * math.exp(min(log_wealth, 600.0))
