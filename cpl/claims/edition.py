@@ -66,7 +66,7 @@ def first_edition() -> dict[int, First]:
 def digest_of(claim: Claim) -> str:
     """Return a digest of a claim's rule: its file, what it shares with others, and the judging."""
     (module,) = (name for name in _modules() if name.startswith(f"c{claim.row:02d}_"))
-    digests = module_digests(f"{rows.__name__}.{module}")
+    digests = module_digests(f"{rows.__name__}.{module}", within="cpl.claims")
     own = [f"{name} {digest}" for name, digest in digests.items() if name.startswith(_RULES_OF)]
     return sha256("\n".join(own).encode()).hexdigest()[:12]
 

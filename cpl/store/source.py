@@ -59,7 +59,9 @@ def cpl_imports(code: str, *, root: Path | None = None) -> tuple[str, ...]:
     return _named_modules(tree, "", _resolved(root))
 
 
-def import_closure(*origins: str | Path, root: Path | None = None) -> tuple[str, ...]:
+def import_closure(
+    *origins: str | Path, root: Path | None = None, within: str = "cpl"
+) -> tuple[str, ...]:
     """List every ``cpl`` module that running the origins can import, directly or through others.
 
     Importing a module runs the ``__init__`` of the packages above it, so these count as well; but
@@ -69,6 +71,7 @@ def import_closure(*origins: str | Path, root: Path | None = None) -> tuple[str,
     Args:
         origins: Dotted module names (``"cpl.conformal"``), or paths of Python files.
         root: Project whose ``cpl`` is meant; by default the one this package is imported from.
+        within: Package outside of which nothing is followed.
 
     Returns:
         Sorted dotted module names; an origin given by name is in it, one given as a path is not.
@@ -96,6 +99,8 @@ def import_closure(*origins: str | Path, root: Path | None = None) -> tuple[str,
     while named:
         module = named.pop()
         if module in used:
+            continue
+        if not f"{module}.".startswith(f"{within}."):
             continue
         used.add(module)
         named += _module_facts(module, base).imports
@@ -136,12 +141,15 @@ def fingerprint(*origins: str | Path, root: Path | None = None) -> str:
     return digest.hexdigest()
 
 
-def module_digests(*origins: str | Path, root: Path | None = None) -> dict[str, str]:
+def module_digests(
+    *origins: str | Path, root: Path | None = None, within: str = "cpl"
+) -> dict[str, str]:
     """Return the digest of each module in the closure of imports, to say later which one changed.
 
     Args:
         origins: Dotted module names, or paths of Python files.
         root: Project whose ``cpl`` is meant; by default the one this package is imported from.
+        within: As in `import_closure`.
 
     Returns:
         Dotted module name -> 64 hexadecimal digits, sorted by name.
@@ -154,7 +162,9 @@ def module_digests(*origins: str | Path, root: Path | None = None) -> dict[str, 
         ['cpl', 'cpl.rng']
     """
     base = _resolved(root)
-    return {m: _module_facts(m, base).digest for m in import_closure(*origins, root=base)}
+    return {
+        m: _module_facts(m, base).digest for m in import_closure(*origins, root=base, within=within)
+    }
 
 
 def external_imports(*origins: str | Path, root: Path | None = None) -> frozenset[str]:
