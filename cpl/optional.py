@@ -11,7 +11,8 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
+
+from cpl.environ import in_checkout
 
 __all__ = ["EXTRAS", "Library", "explain", "install", "look", "look_all"]
 
@@ -95,8 +96,7 @@ def install(extra: str) -> str:
     >>> install("logs").endswith("[logs]'")
     True
     """
-    checkout = (Path(__file__).parents[1] / "pyproject.toml").is_file()
-    return f"pip install -e '.[{extra}]'" if checkout else f"pip install 'cpl[{extra}]'"
+    return f"pip install -e '.[{extra}]'" if in_checkout() else f"pip install 'cpl[{extra}]'"
 
 
 @lru_cache
@@ -119,7 +119,14 @@ def look(name: str, python: str = sys.executable) -> Library:
     words = [python, "-c", _PROBE, name, EXTRAS[name][0]]
     try:
         done = subprocess.run(
-            words, stdin=-3, stdout=-3, stderr=-1, text=True, check=False, timeout=PATIENCE_S
+            words,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            encoding="utf-8",
+            errors="replace",
+            check=False,
+            timeout=PATIENCE_S,
         )
     except subprocess.TimeoutExpired:
         return Library(name, "broken", reason=f"its import takes more than {PATIENCE_S:.0f} s")

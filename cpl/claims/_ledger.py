@@ -136,8 +136,8 @@ def _row(claim: Claim, root: Path | None) -> Row:
 
     def read(experiment: str) -> Source:
         table, seen[experiment] = read_published(experiment, _PROFILE, root=root)
-        told = seen[experiment]
-        return Source(table=table, parameters=told.parameters, content=told.content)
+        manifest = seen[experiment]
+        return Source(table=table, parameters=manifest.parameters, content=manifest.content)
 
     def answer(rule: Callable[[Reader], _Answer] | None) -> _Answer | None:
         nonlocal missing

@@ -7,7 +7,8 @@ Each module of this folder is one subcommand and has two functions:
 
 A module is imported only when its command is typed, and imports what is heavy inside `run`, so that
 an answer or a refusal takes less than a second. Exit status: 0 done, 1 it failed, 2 what was typed
-makes no sense (the message on stderr names what is wrong and what it may be), 130 interrupted.
+makes no sense (the message on stderr names what is wrong and what it may be), 130 interrupted,
+141 whoever read the output has left.
 """
 
 from __future__ import annotations
@@ -16,11 +17,13 @@ import argparse
 import os
 import pkgutil
 import platform
+import signal
 import sys
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
+from cpl.environ import in_checkout, one_thread
 from cpl.optional import explain, look_all
 
 __all__ = ["UsageError", "main", "project_root"]
@@ -42,12 +45,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     parser = _parser(words)
     args = parser.parse_args(words)
-    if args.version:
-        return _tell_version(args.long)
-    if args.command is None:
+    if args.command is None and not args.version:
         parser.error("the following arguments are required: COMMAND")
+    one_thread()
     try:
-        return import_module(f"{__name__}.{args.command}").run(args)
+        if args.version:
+            status = _tell_version(args.long)
+        else:
+            status = import_module(f"{__name__}.{args.command}").run(args)
+        sys.stdout.flush()  # a reader that has left is noticed here, not when Python goes
     except ImportError as error:
         lacks = explain(error)
         if lacks is None:
@@ -62,12 +68,27 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
     except BrokenPipeError:  # `cpl params | head -1`: the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + signal.SIGPIPE
+    except OSError as error:  # a full disk, a folder that cannot be written
+        what = f"{error.strerror}: {error.filename}" if error.filename else str(error)
+        print(f"cpl {args.command}: {what}", file=sys.stderr)
         return 1
+    return status
 
 
 def project_root() -> Path:
-    """Return what `cpl.store.project_root` returns, without importing the store and its pandas."""
-    return Path(__file__).resolve().parents[2]
+    """Return what `cpl.store.project_root` returns, without importing the store and its pandas.
+
+    Raises:
+        UsageError: The package is not in a checkout, so that there is no book and no `data/`.
+    """
+    root = Path(__file__).resolve().parents[2]
+    if not in_checkout():
+        raise UsageError(
+            f"there is no book and no data/ in {root}: chapters, published results and claims are "
+            "in the repository; clone it, and there `make venv` brings this command"
+        )
+    return root
 
 
 def _tell_version(long: bool) -> int:

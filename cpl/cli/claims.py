@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from cpl.claims.row import Row
 
+from cpl.cli import project_root
+
 __all__ = ["register", "run"]
 
 
@@ -34,6 +36,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Print the ledger, then what changed."""
+    project_root()  # what is published is in the repository
     from cpl.claims import accept, changes, fix, ledger, own
     from cpl.store import DamagedResultError
 

@@ -56,10 +56,11 @@ def run(args: argparse.Namespace) -> int:
     except (WorkersLostError, CodeMismatchError, ImportError, OSError) as error:
         print(f"cpl compute: {error}", file=sys.stderr)
         return 1
-    told = result.provenance
+    provenance = result.provenance
     print(spelled(result.config))
-    print(f"{len(result.table)} rows in {len(told.shards)} shards, {told.seconds:.1f} s of work")
-    print(f"content {told.content}")
+    shards, seconds = len(provenance.shards), provenance.seconds
+    print(f"{len(result.table)} rows in {shards} shards, {seconds:.1f} s of work")
+    print(f"content {provenance.content}")
     if args.publish:
         manifest = publish_result(result)
         print(f"published as {manifest.experiment}/{manifest.profile}, made {manifest.made}")

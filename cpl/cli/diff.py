@@ -37,6 +37,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Print the parameters and the numbers that differ."""
+    project_root()  # a chapter lies in the repository
     from cpl.publish.numbers import compare
 
     if args.before == args.after == "published":
@@ -92,8 +93,8 @@ def _run(folder: Path) -> _Run:
     if found is None:
         msg = f"the run in {folder} was damaged: its files do not agree with their digests"
         raise ValueError(msg)
-    notebook, told = found
-    return _Run(told["chapter"], told["parameters"], quoted(notebook), str(folder))
+    notebook, record = found
+    return _Run(record["chapter"], record["parameters"], quoted(notebook), str(folder))
 
 
 def _key(record: Path) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 
+from cpl.cli import project_root
+
 __all__ = ["register", "run"]
 
 
@@ -20,6 +22,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Write the three files, or compare."""
+    project_root()  # what is published is in the repository
     from cpl.publish.metadata import differences, write
 
     if not args.check:

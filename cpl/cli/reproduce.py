@@ -47,6 +47,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Compute, then print claim against claim."""
+    root = project_root()
     from cpl.reproduce.reproduction import plan, reproduce, unpublished
     from cpl.store import atomic_write, data_path
 
@@ -63,13 +64,13 @@ def run(args: argparse.Namespace) -> int:
         return _expected(steps)
     chosen = dict.fromkeys(args.without, "by choice")
     nothing = {} if args.experiment else dict.fromkeys(unpublished(), "nothing published")
-    folder = args.out or project_root() / "_build" / "reproduce"
+    folder = args.out or root / "_build" / "reproduce"
 
     def report(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
 
     try:
-        told = reproduce(
+        outcome = reproduce(
             steps,
             folder,
             left_out={**nothing, **chosen},
@@ -84,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
     if args.publish:
         content = (folder / "report.json").read_bytes()
         atomic_write(data_path("reproduction", "report.json"), content)
-    return _print(told)
+    return _print(outcome)
 
 
 def _expected(steps: Sequence[Step]) -> int:
@@ -103,10 +104,10 @@ def _expected(steps: Sequence[Step]) -> int:
     return 0
 
 
-def _print(told: Mapping[str, Any]) -> int:
+def _print(outcome: Mapping[str, Any]) -> int:
     """Print pieces, then claim against claim; return the exit status."""
     differing = 0
-    for step in told["steps"]:
+    for step in outcome["steps"]:
         if step["missing"]:
             print(f"left out: {step['experiment']} ({step['missing']})")
             continue
@@ -117,22 +118,22 @@ def _print(told: Mapping[str, Any]) -> int:
         for line in pieces["differing"]:
             print(f"  {line}")
     marks = {True: "agrees", False: "DIFFERS", None: "one seed"}
-    for claim in told["claims"]:
+    for claim in outcome["claims"]:
         published, again = _number(claim["published"]), _number(claim["again"])
         print(f"{claim['row']:2d}  {marks[claim['agrees']]:10s}{published}")
         print(f"{'':14s}{again} {claim['reason']}".rstrip())
-    against = [claim["row"] for claim in told["claims"] if claim["agrees"] is False]
-    minutes = told["wall_s"] / 60
+    against = [claim["row"] for claim in outcome["claims"] if claim["agrees"] is False]
+    minutes = outcome["wall_s"] / 60
     print(
-        f"{differing} pieces differ, {len(against)} of {len(told['claims'])} claims differ; "
+        f"{differing} pieces differ, {len(against)} of {len(outcome['claims'])} claims differ; "
         f"{minutes:.1f} min",
         file=sys.stderr,
     )
     return 1 if differing or against else 0
 
 
-def _number(told: Sequence[float | None]) -> str:
-    value, low, high = told
+def _number(number: Sequence[float | None]) -> str:
+    value, low, high = number
     if value is None:
         return "-"
     interval = "" if low is None or high is None else f" [{low:.4g}, {high:.4g}]"

@@ -1,14 +1,17 @@
-"""`cpl robot`: check, rehearse, run, replay; and train the predictor on what was collected."""
+"""`cpl robot`: check, rehearse, run, replay; draw a key; train on what was collected."""
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cpl.cli import UsageError, project_root
+from cpl.cli import UsageError
+from cpl.environ import kept_path
 
 if TYPE_CHECKING:
     from cpl.quadruped import Predictor
@@ -18,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["register", "run"]
 
 CONFIRMATION = "the robot may move"
+UNANSWERED = "the robot does not answer"  # one of `cpl.robot.packets.TRIPS`
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -36,9 +40,14 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     walk.add_argument("--first", type=int, default=0, metavar="N", help="begin with the Nth run")
     walk.add_argument("--runs", type=int, default=1, metavar="N", help="how many runs (1)")
     walk.add_argument("--repeats", type=int, default=3, metavar="N", help="evaluation repeats (3)")
+    walk.add_argument(
+        "--numbered", action="store_true", help="where a log exists, write NAME.2 beside it"
+    )
     walk.add_argument("--predictor", type=Path, metavar="FILE", help="what `train` wrote")
     for each in (check, walk):
         _where(each)
+    key = actions.add_parser("key", help="draw a key for a watchdog or a bridge that runs apart")
+    key.add_argument("file", type=Path, metavar="FILE", help="where to: a new file, mode 600")
     train = actions.add_parser("train", help="train the predictor on collected logs")
     train.add_argument("folder", type=Path, metavar="FOLDER", help="logs of the training runs")
     train.add_argument("predictor", type=Path, metavar="FILE", help="where to: a new .safetensors")
@@ -70,7 +79,9 @@ def _where(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--robot", metavar="HOST:PORT", help="the Go1 (192.168.123.161:8082)")
     parser.add_argument("--local-port", type=int, metavar="PORT", help="to send from (8080)")
     parser.add_argument("--watchdog-at", metavar="HOST:PORT", help="a watchdog on the robot")
-    parser.add_argument("--token", type=int, default=1, help="of that watchdog")
+    parser.add_argument(
+        "--key-file", type=Path, metavar="FILE", help="what it, or that bridge, shares (mode 600)"
+    )
     parser.add_argument("--camera-python", metavar="PYTHON", help="Python 3.10 with pyrealsense2")
     parser.add_argument("--camera-port", type=int, metavar="PORT", help="a bridge sends poses here")
     parser.add_argument("--fence", type=float, default=3.0, metavar="M", help="|x|, |y| allowed")
@@ -85,6 +96,7 @@ def run(args: argparse.Namespace) -> int:
         "rehearse": _do_rehearse,
         "check": _do_check,
         "run": _do_run,
+        "key": _do_key,
         "train": _do_train,
         "replay": _do_replay,
     }
@@ -95,10 +107,6 @@ def run(args: argparse.Namespace) -> int:
         return 1
     except ValueError as error:
         raise UsageError(str(error)) from error
-    except OSError as error:
-        what = f"{error.strerror}: {error.filename}" if error.filename else str(error)
-        print(f"cpl robot {args.action}: {what}", file=sys.stderr)
-        return 1
 
 
 def _do_rehearse(args: argparse.Namespace) -> int:
@@ -129,8 +137,10 @@ def _do_check(args: argparse.Namespace) -> int:
     from cpl.robot.live import Emulated, emulated, hardware
 
     course = evaluation(1)[0].course
-    config, folder = _hardware(args), args.out or _new_folder("check")
+    config, folder = _hardware(args, args.emulator), args.out or _new_folder("check")
     physical = not (args.emulator or config.provenance.startswith("simulated"))
+    if physical:
+        _confirm(config)  # it will stand up
     if not _passed(before(folder, hardware=physical, camera_python=config.camera_python)):
         return 1
     if args.emulator:
@@ -149,6 +159,7 @@ def _do_check(args: argparse.Namespace) -> int:
 def _do_run(args: argparse.Namespace) -> int:
     from cpl.quadruped import decode_predictor
     from cpl.robot import collection, evaluation
+    from cpl.robot.session import log_path, numbered
 
     plans = collection() if args.what == "collect" else evaluation(args.repeats)
     if not 0 <= args.first < len(plans) or args.runs < 1:
@@ -157,8 +168,13 @@ def _do_run(args: argparse.Namespace) -> int:
         raise UsageError("--predictor must name what `cpl robot train` wrote")
     predictor = None if args.predictor is None else decode_predictor(args.predictor.read_bytes())[0]
     folder, config = args.out or _new_folder(args.what), _hardware(args)
+    chosen = plans[args.first : args.first + args.runs]
+    if args.numbered:
+        chosen = [numbered(folder, plan) for plan in chosen]
+    for plan in chosen:
+        log_path(folder, plan)  # none of them costs a log
     _confirm(config)
-    for plan in plans[args.first : args.first + args.runs]:
+    for plan in chosen:
         if not _one(plan, folder, config, predictor, args):
             return 1
     _analyse(folder)
@@ -195,8 +211,19 @@ def _one(
             walked = perform(
                 robot, plan, folder, predictor=predictor, config=config.guard, watch=view
             )
+        if getattr(state(), "tripped", "") == UNANSWERED:
+            print("The robot does not answer: it is asked for zero until it does, for a minute.")
+            print("Damp it with the remote.")
     print(f"{walked.path}: {walked.outcome} after {walked.duration_s:.1f} s, {walked.rows} rows")
     return walked.outcome in ("arrived", "timeout")
+
+
+def _do_key(args: argparse.Namespace) -> int:
+    from cpl.robot.seal import make_key_file
+
+    make_key_file(args.file)
+    print(f"{args.file}: give it to both ends (scp -p), and to nobody else")
+    return 0
 
 
 def _do_train(args: argparse.Namespace) -> int:
@@ -231,10 +258,10 @@ def _do_replay(args: argparse.Namespace) -> int:
     return int(bool(len(parted)))
 
 
-def _hardware(args: argparse.Namespace) -> Hardware:
-    from cpl.quadruped import SupervisorConfig
-    from cpl.robot import GO1, LOCAL_PORT, GuardConfig, address, is_loopback
+def _hardware(args: argparse.Namespace, emulated: bool = False) -> Hardware:
+    from cpl.robot import GO1, LOCAL_PORT, SUPERVISOR, GuardConfig, address, is_loopback
     from cpl.robot.live import Hardware
+    from cpl.robot.seal import key_of_file, new_key
 
     robot = GO1 if args.robot is None else address(args.robot)
     emulator = is_loopback(robot[0])
@@ -242,15 +269,21 @@ def _hardware(args: argparse.Namespace) -> Hardware:
     python = args.camera_python
     if python is None and args.camera_port is None and not emulator:
         python = "python3.10"
+    key = None if args.key_file is None else key_of_file(args.key_file)
+    if key is None and emulated:
+        key = new_key()  # its processes are all of this run
+    if key is None and (args.watchdog_at or python is None):
+        what = "--watchdog-at" if args.watchdog_at else "poses from a bridge that runs already"
+        raise UsageError(f"{what}: --key-file must name what `cpl robot key` wrote, for both ends")
     return Hardware(
         robot=robot,
         local_port=port,
         watchdog=None if args.watchdog_at is None else address(args.watchdog_at),
-        token=args.token,
+        key=key,
         camera_python=python,
         camera_port=args.camera_port or 0,
         guard=GuardConfig(
-            supervisor=SupervisorConfig(v_max_mps=args.v_max, fence_half_width_m=args.fence)
+            supervisor=replace(SUPERVISOR, v_max_mps=args.v_max, fence_half_width_m=args.fence)
         ),
         provenance="simulated-kinematic" if emulator else "real-Go1",
     )
@@ -281,14 +314,14 @@ def _asked(question: str) -> bool:
 def _analyse(folder: Path) -> None:
     """Say how to open the analysis chapter on these logs."""
     there = folder.resolve()
-    inside = there.is_relative_to(project_root())
-    shown = there.relative_to(project_root()) if inside else there
+    root = Path(__file__).resolve().parents[2]
+    shown = there.relative_to(root) if there.is_relative_to(root) else there
     print(f"\ncpl run logs --set folder={shown}")
 
 
 def _new_folder(kind: str) -> Path:
     stamp = time.strftime("%Y%m%d-%H%M%S")
-    return project_root() / "_build" / "robot" / f"{kind}-{stamp}"
+    return kept_path("robot", f"{kind}-{stamp}-{os.getpid()}")
 
 
 def _say(text: str) -> None:

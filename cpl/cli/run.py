@@ -72,6 +72,8 @@ def run(args: argparse.Namespace) -> int:
         run_chapter(chapter, chosen, folder, root)
     except (ChapterError, ExecutionError, SiteError) as error:
         print(f"cpl run: {error}", file=sys.stderr)
+        if args.out is None:
+            folder.rmdir()  # made for this run alone, and empty
         return 1
     for ending in ("html", "ipynb", "json"):
         print(folder / f"{chapter.name}.{ending}")

@@ -24,7 +24,8 @@ def run(args: argparse.Namespace) -> int:
     """Print one block an experiment."""
     from cpl.cli import UsageError
     from cpl.experiments import names
-    from cpl.experiments.run.publication import experiment
+    from cpl.experiments.run.job import question
+    from cpl.optional import explain
 
     if args.record:
         from cpl.experiments.run.costs import record
@@ -34,9 +35,12 @@ def run(args: argparse.Namespace) -> int:
     try:
         chosen = [args.experiment] if args.experiment else list(names())
         for name in chosen:
-            question = (experiment(name).__doc__ or "").partition("\n")[0]
-            print(f"{name}: {question}")
-            for line in (*_computed(name), *_published(name)):
+            try:
+                asked, lines = question(name), (*_computed(name), *_published(name))
+            except ImportError as error:  # one experiment lacks a library, the others need not
+                asked, lines = "cannot be looked at here", (explain(error) or str(error),)
+            print(f"{name}: {asked}")
+            for line in lines:
                 print(f"  {line}")
     except ValueError as error:
         raise UsageError(error) from error
@@ -45,17 +49,15 @@ def run(args: argparse.Namespace) -> int:
 
 def _computed(name: str) -> list[str]:
     """Say for each profile what today's code has computed, and why older results are not used."""
-    from cpl.experiments.run.inputs import without_extent
-    from cpl.experiments.run.publication import experiment, job
-    from cpl.store import WorkStore, plain
+    from cpl.experiments.run.job import experiment, job
+    from cpl.store import WorkStore
 
     store, lines = WorkStore(), list[str]()
     kept = store.descriptions(name)
-    for profile in experiment(name).PROFILES:
+    for profile in experiment(name).profiles:
         task = job(name, profile)
-        asked = without_extent(task.module, plain(task.config))
-        ours = {key: told for key, told in kept.items() if told.get("parameters") == asked}
-        today = [key for key, told in ours.items() if not _changed(told, task.origin)]
+        ours = {k: note for k, note in kept.items() if note.get("parameters") == task.parameters}
+        today = [key for key, note in ours.items() if not _changed(note, task.origin)]
         there = {shard for key in today for shard in store.shards(name, key)} & task.pieces.keys()
         if there:
             lines.append(f"{profile}: {len(there)} of {len(task.pieces)} shards computed")
@@ -65,12 +67,12 @@ def _computed(name: str) -> list[str]:
     return lines or ["nothing computed here"]
 
 
-def _changed(told: Mapping[str, Any], origin: str) -> list[str]:
+def _changed(record: Mapping[str, Any], origin: str) -> list[str]:
     """Name the modules and packages that differ from those of an earlier computation."""
     from cpl.store import module_digests, versions_below
 
     now = module_digests(origin) | versions_below(origin)
-    before = {**told.get("modules", {}), **told.get("versions", {})}
+    before = {**record.get("modules", {}), **record.get("versions", {})}
     names = sorted(before.keys() | now.keys())
     return [name for name in names if before.get(name) != now.get(name)]
 
@@ -84,8 +86,8 @@ def _published(name: str) -> list[str]:
     for manifest in manifests():
         if manifest.experiment != name:
             continue
-        told = published(name, manifest.profile).provenance
-        checked = f"verified {told.verified}" if told.verified else "UNVERIFIED"
-        lines.append(f"{told.profile}: published, made {told.made}, {checked}")
-        lines += [f"  {reason}" for reason in told.stale]
+        provenance = published(name, manifest.profile).provenance
+        checked = f"verified {provenance.verified}" if provenance.verified else "UNVERIFIED"
+        lines.append(f"{provenance.profile}: published, made {provenance.made}, {checked}")
+        lines += [f"  {reason}" for reason in provenance.stale]
     return lines or ["nothing published"]

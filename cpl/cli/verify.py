@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from cpl.cli import UsageError
+from cpl.cli import UsageError, project_root
 
 __all__ = ["register", "run"]
 
@@ -28,8 +28,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Verify one experiment or all, one line each."""
+    project_root()  # what is published is in the repository
     from cpl.experiments.run.publication import verify
-    from cpl.store import DamagedResultError, manifests
+    from cpl.store import DamagedResultError, data_path, manifests
 
     try:
         chosen = (
@@ -39,6 +40,9 @@ def run(args: argparse.Namespace) -> int:
         )
     except DamagedResultError as error:
         print(f"cpl verify: {error}", file=sys.stderr)
+        return 1
+    if not chosen:
+        print(f"cpl verify: nothing is published in {data_path('results')}", file=sys.stderr)
         return 1
     agreed = True
     for name, profile in chosen:

@@ -17,7 +17,6 @@ __all__ = [
     "follow",
     "follow_counts",
     "follow_lanes",
-    "follow_lanes_late",
     "follow_pi",
     "rolling_max",
 ]
@@ -74,53 +73,17 @@ def follow_lanes(
     steps: FloatArray,
     row_stride: int,
     stride: int,
-    alpha: float,
-    q0: float,
-    q: FloatArray,
-    last: FloatArray,
-) -> None:
-    """Do ``follow`` with ordinary feedback for four streams at a time, one episode each.
-
-    One stream waits for its own last sum in every step; four of them fill each other's waits.
-    The number of streams is a multiple of four.
-    """
-    beta = 1.0 - alpha
-    streams, length = scores.shape
-    for n in range(0, streams, LANES):
-        a = b = c = d = q0
-        for t in range(length):
-            q[n, t] = a
-            q[n + 1, t] = b
-            q[n + 2, t] = c
-            q[n + 3, t] = d
-            k = stride * t
-            step = steps[row_stride * n, k]
-            a = a + step * beta if scores[n, t] > a else a - step * alpha
-            step = steps[row_stride * (n + 1), k]
-            b = b + step * beta if scores[n + 1, t] > b else b - step * alpha
-            step = steps[row_stride * (n + 2), k]
-            c = c + step * beta if scores[n + 2, t] > c else c - step * alpha
-            step = steps[row_stride * (n + 3), k]
-            d = d + step * beta if scores[n + 3, t] > d else d - step * alpha
-        last[n] = a
-        last[n + 1] = b
-        last[n + 2] = c
-        last[n + 3] = d
-
-
-@njit(cache=True)
-def follow_lanes_late(
-    scores: FloatArray,
-    steps: FloatArray,
-    row_stride: int,
-    stride: int,
     delay: int,
     alpha: float,
     q0: float,
     q: FloatArray,
     last: FloatArray,
 ) -> None:
-    """Do ``follow_lanes`` with a delay: a score is compared with the threshold it met."""
+    """Do ``follow`` for four streams at a time, one episode each.
+
+    One stream waits for its own last sum in every step; four of them fill each other's waits.
+    The number of streams is a multiple of four.
+    """
     beta = 1.0 - alpha
     streams, length = scores.shape
     for n in range(0, streams, LANES):

@@ -287,13 +287,8 @@ class _Setting:
         streams, length = scores.shape
         many = streams - streams % _kernels.LANES
         last = np.empty(many)
-        if self.delay == 1:
-            _kernels.follow_lanes(scores[:many], steps, *strides, self.alpha, self.q0, q, last)
-        else:
-            late = self._late(length)
-            _kernels.follow_lanes_late(
-                scores[:many], steps, *strides, late, self.alpha, self.q0, q, last
-            )
+        late = self._late(length)
+        _kernels.follow_lanes(scores[:many], steps, *strides, late, self.alpha, self.q0, q, last)
         if not np.isfinite(last).all():
             raise ValueError(_overflow(scores))
         return many

@@ -197,7 +197,7 @@ def _hand_out(root: Path, student: Path) -> None:
         done = subprocess.run(
             [sys.executable, "-m", "pip", "--disable-pip-version-check", *words],
             capture_output=True,
-            text=True,
+            encoding="utf-8",
             check=False,
         )
     if done.returncode != 0:

@@ -162,7 +162,7 @@ def _otter(words: list[str], folder: Path) -> None:
         cwd=folder,
         env=quiet,
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         check=False,
     )
     if done.returncode != 0:

@@ -167,7 +167,7 @@ def build_slides(
     done = subprocess.run(
         [sys.executable, "-m", "sphinx", *words, str(output)],
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         check=False,
         env={
             **os.environ,

@@ -1,16 +1,8 @@
 """One module an experiment: what is asked, with which settings, and how a shard of it is computed.
 
-An experiment is a module of one of these folders, each of which is a question, with
-
-- a docstring whose first line is its question,
-- `Config`, a frozen dataclass whose fields are numbers, text or tuples of them,
-- `PROFILES`, one `Config` each for `smoke` (seconds), `book` (while you wait), `paper` (published),
-- `LABEL`, what kind of evidence it gives (`exact`, `simulated`, ...),
-- `shards(config)`, the pieces it is cut into,
-- `run_shard(config, shard)`, a pure function that returns the piece's table,
-- where it stands on other experiments, `upstream(config, shard)`, which names the shards it needs;
-  `run_shard(config, shard, inputs)` then gets their tables,
-- where settings only say how many shards there are, `EXTENT`, their names.
+A folder is a question, and an experiment a module of it that binds `EXPERIMENT`: its settings, how
+it is cut into shards, what these are computed from, and the function that computes one
+(`cpl.experiments.run.spec.Experiment`). `run` is the machinery, and `trained` holds what learns.
 
 Nothing here imports an experiment until it is named: a chapter that shows one does not depend on
 the code of the others.

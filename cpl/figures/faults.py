@@ -15,6 +15,7 @@ __all__ = ["TOPICS", "Counts", "read", "read_alone"]
 TOPICS = {
     "formats": "stored files, cut short or with one bit flipped",
     "logs": "logs whose bytes are whole and whose content cannot be",
+    "recordings": "recordings of every format, spoiled where the format is vulnerable",
     "hostile": "what somebody may send us to run their code",
     "kills": "killed processes, full and read-only disks",
 }
@@ -22,6 +23,7 @@ TOPICS = {
 
 _OUTCOMES = ("refused", "recovered", "harmless", "silent")
 _HEADS = {"place": "where", "fault": "fault", "tried": "tried", "refused": "refused"}
+_WORST = {"worst_mb": "memory [MB]", "worst_s": "time [s]"}
 _HEADS |= {"recovered": "recovered", "harmless": "harmless", "silent": "wrong and silent"}
 
 
@@ -33,7 +35,7 @@ class Counts:
 
     def total(self, outcome: str = "tried") -> int:
         """Return how many attempts there were, or how many ended in one way."""
-        return sum(row[outcome] for told in self.topics.values() for row in told["rows"])
+        return sum(row[outcome] for topic in self.topics.values() for row in topic["rows"])
 
     def verdict(self) -> str:
         """Say how many attempts there were and how many were wrong and silent, if any counted."""
@@ -46,11 +48,11 @@ class Counts:
         """Say when and where they were counted, and what was not."""
         if not self.topics:
             return "Not counted with this edition: `make faults` counts them."
-        told = list(self.topics.values())
-        dates = sorted({part["made"] for part in told})
-        commits = sorted({part["commit"][:8] for part in told})
-        machine = told[0]["machine"]
-        versions = ", ".join(f"{name} {v}" for name, v in told[0]["versions"].items())
+        topics = list(self.topics.values())
+        dates = sorted({part["made"] for part in topics})
+        commits = sorted({part["commit"][:8] for part in topics})
+        machine = topics[0]["machine"]
+        versions = ", ".join(f"{name} {v}" for name, v in topics[0]["versions"].items())
         text = (
             f"Counted {' and '.join(dates)} at {' and '.join(commits)} on {machine['processor']} "
             f"({machine['system']}); {versions}."
@@ -64,8 +66,8 @@ class Counts:
             return Table(f"*{self.where()}*")
         rows = [
             {"topic": TOPICS.get(name, name)}
-            | {key: sum(row[key] for row in told["rows"]) for key in ("tried", *_OUTCOMES)}
-            for name, told in self.topics.items()
+            | {key: sum(row[key] for row in topic["rows"]) for key in ("tried", *_OUTCOMES)}
+            for name, topic in self.topics.items()
         ]
         return table(rows, columns={"topic": "topic", **dict(list(_HEADS.items())[2:])})
 
@@ -80,13 +82,23 @@ class Counts:
             raise ValueError(msg)
         if topic not in self.topics:
             return Table(f"*{TOPICS[topic]}: not counted with this edition.*")
-        return table(self.topics[topic]["rows"], columns=_HEADS)
+        rows = self.topics[topic]["rows"]
+        measured = any(row.get("worst_mb") is not None for row in rows)
+        return table(rows, columns=_HEADS | (_WORST if measured else {}))
+
+    def worst(self, topic: str) -> tuple[float, float]:
+        """Return the most memory [MB] and processor time [s] that one attempt of a topic took."""
+        rows = self.topics[topic]["rows"] if topic in self.topics else []
+        return (
+            max((row.get("worst_mb") or 0.0 for row in rows), default=0.0),
+            max((row.get("worst_s") or 0.0 for row in rows), default=0.0),
+        )
 
 
 def read(path: Path) -> Counts:
     """Read the stored counts; none of them if there is no such file."""
-    told = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    return Counts(topics={name: told[name] for name in TOPICS if name in told})
+    topics = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    return Counts(topics={name: topics[name] for name in TOPICS if name in topics})
 
 
 def read_alone(damaged: bytes, whole: bytes) -> str:

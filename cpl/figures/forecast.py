@@ -67,8 +67,8 @@ def intervals(table: pd.DataFrame, *by: str, sums: bool = False) -> pd.DataFrame
     for key, part in groups:
         found = mean_interval(part["value"])
         place = dict(zip(by, key, strict=True))
-        told = {"value": found.value, "low": found.low, "high": found.high, "pairs": found.n}
-        rows.append(place | told)
+        numbers = {"value": found.value, "low": found.low, "high": found.high, "pairs": found.n}
+        rows.append(place | numbers)
     return pd.DataFrame(rows)
 
 

@@ -103,9 +103,9 @@ def episode(ride: pd.DataFrame, number: int | None = None) -> Card:
         crashed = bool(ego["crashed"].any())
         last = int(ego["step"].max()) + 1
         speed = float(ego["speed_mps"].mean())
-        told = f"crash after {last} s" if crashed else f"{last} s without a crash"
+        ending = f"crash after {last} s" if crashed else f"{last} s without a crash"
         axes.set(ylabel="ahead [m]", ylim=(-15, 100), xlim=(-1, 41))
-        axes.set_title(f"{name}: {told}, {speed:.1f} m/s")
+        axes.set_title(f"{name}: {ending}, {speed:.1f} m/s")
         axes.axhline(0, color=INK, linewidth=1)
         if crashed:
             axes.plot([last - 1], [0], "X", color=RED, markersize=11)

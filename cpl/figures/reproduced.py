@@ -20,43 +20,44 @@ _MARKS = {True: "agrees", False: "differs", None: "one seed cannot say"}
 class Reproduction:
     """A report of `cpl reproduce`; empty if there is none."""
 
-    told: Mapping[str, Any]
+    report: Mapping[str, Any]
 
     @property
     def steps(self) -> Sequence[Mapping[str, Any]]:
         """The experiments that were computed again."""
-        return [step for step in self.told.get("steps", []) if not step["missing"]]
+        return [step for step in self.report.get("steps", []) if not step["missing"]]
 
     def when(self) -> str:
         """Say what was run, when, where, from which source, and how long it took."""
-        if not self.told:
+        if not self.report:
             return _NONE
-        told, machine = self.told, self.told["machine"]
-        place = "a cluster" if told["cluster"] else f"{told['workers']} processes"
+        report, machine = self.report, self.report["machine"]
+        place = "a cluster" if report["cluster"] else f"{report['workers']} processes"
         text = (
-            f"Made {told['made']} from the source {told['commit'][:8]} on "
+            f"Made {report['made']} from the source {report['commit'][:8]} on "
             f"{machine['processor']} ({machine['cores']} cores, {machine['system']}), "
             f"with {place}: "
-            f"{told['wall_s'] / 60:.1f} minutes, {told['processor_s'] / 60:.1f} of processor time."
+            f"{report['wall_s'] / 60:.1f} minutes, "
+            f"{report['processor_s'] / 60:.1f} of processor time."
         )
-        if told["resumed"]:
+        if report["resumed"]:
             text += " It was stopped and went on, so the minutes are those of the last part."
-        compared = told["compared"]
-        if compared["commit"] != told["commit"]:
+        compared = report["compared"]
+        if compared["commit"] != report["commit"]:
             text += f" Compared again {compared['date']} by the source {compared['commit'][:8]}."
         return text
 
     def covers(self) -> str:
         """Say what was computed again, and what was left out and why."""
-        if not self.told:
+        if not self.report:
             return "Nothing is covered."
         whole = sum(step["whole"] for step in self.steps)
         text = (
             f"{len(self.steps)} experiments, {whole} of them exactly as published and the others "
             f"with one training seed."
         )
-        out = dict(self.told["left_out"])
-        out |= {s["experiment"]: s["missing"] for s in self.told["steps"] if s["missing"]}
+        out = dict(self.report["left_out"])
+        out |= {s["experiment"]: s["missing"] for s in self.report["steps"] if s["missing"]}
         reasons: dict[str, list[str]] = {}
         for name, reason in sorted(out.items()):
             reasons.setdefault(reason, []).append(name)
@@ -71,7 +72,7 @@ class Reproduction:
 
     def outcome(self) -> str:
         """Say how many pieces and claims came out the same."""
-        if not self.told:
+        if not self.report:
             return "So nothing is claimed here."
         return (
             f"Of {self.count('compared'):,} published pieces that were computed again, "
@@ -81,12 +82,12 @@ class Reproduction:
         )
 
     def claims(self, agrees: bool | None) -> int:
-        """Return for how many claims the number agrees, differs, or cannot be told."""
-        return sum(claim["agrees"] is agrees for claim in self.told.get("claims", []))
+        """Return for how many claims the number agrees, differs, or cannot be compared."""
+        return sum(claim["agrees"] is agrees for claim in self.report.get("claims", []))
 
     def experiments(self) -> Table:
         """One line an experiment: what was run, how long it took, how many pieces are the same."""
-        if not self.told:
+        if not self.report:
             return Table(f"*{_NONE}*")
         rows = [
             {
@@ -112,13 +113,13 @@ class Reproduction:
             for line in step["pieces"]["differing"]
         ]
         if not lines:
-            return Table("*No piece differs.*" if self.told else f"*{_NONE}*")
+            return Table("*No piece differs.*" if self.report else f"*{_NONE}*")
         heads = {"experiment": "experiment", "difference": "what differs first"}
         return rows_or_note(pd.DataFrame(lines), heads, {})
 
     def ledger(self) -> Table:
         """One line a claim: the published number, the one found again, and what follows."""
-        if not self.told.get("claims"):
+        if not self.report.get("claims"):
             return Table(f"*{_NONE}*")
         rows = [
             {
@@ -129,7 +130,7 @@ class Reproduction:
                 "seeds": "the same" if claim["whole"] else "one of several",
                 "result": _MARKS[claim["agrees"]],
             }
-            for claim in self.told["claims"]
+            for claim in self.report["claims"]
         ]
         heads = {"row": "#", "claim": "claim", "published": "published", "again": "again"}
         return table(rows, columns=heads | {"seeds": "training seeds", "result": "result"})
@@ -145,8 +146,8 @@ def _share(pieces: Mapping[str, Any]) -> str:
     return f"{same} of {pieces['compared']}" if pieces["compared"] else "other settings"
 
 
-def _number(told: Sequence[float | None]) -> str:
-    value, low, high = told
+def _number(number: Sequence[float | None]) -> str:
+    value, low, high = number
     if value is None:
         return "–"
     interval = "" if low is None or high is None else f" [{low:.3g}, {high:.3g}]"

@@ -165,14 +165,14 @@ def by_experiment(known: Costs) -> pd.DataFrame:
 def curve(known: Costs, *, driver_s: float, most: int = 1000) -> Card:
     """Draw the predicted time against the number of workers, both axes logarithmic."""
     counts = np.unique(np.geomspace(1, most, 25).astype(int))
-    told = predictions(known, counts.tolist(), driver_s=driver_s)
+    predicted = predictions(known, counts.tolist(), driver_s=driver_s)
     figure, axes = card(height=3.2)
-    axes.loglog(told["workers"], told["turn_min"], color=GREY, linestyle=(0, (4, 2)), marker="s",
-                markersize=3)  # fmt: skip
-    axes.loglog(told["workers"], told["once_min"], color=BLUE, marker="o", markersize=3)
-    axes.loglog(told["workers"], told["bound_min"], color=INK, linewidth=1)
-    last = told.iloc[-1]
-    middle = told.iloc[len(told) // 2]
+    axes.loglog(predicted["workers"], predicted["turn_min"], color=GREY, linestyle=(0, (4, 2)),
+                marker="s", markersize=3)  # fmt: skip
+    axes.loglog(predicted["workers"], predicted["once_min"], color=BLUE, marker="o", markersize=3)
+    axes.loglog(predicted["workers"], predicted["bound_min"], color=INK, linewidth=1)
+    last = predicted.iloc[-1]
+    middle = predicted.iloc[len(predicted) // 2]
     for text, column, colour, offset in (
         ("one experiment after the other", "turn_min", GREY, (6, 8)),
         ("all at once", "once_min", BLUE, (6, 6)),

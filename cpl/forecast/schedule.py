@@ -1,4 +1,4 @@
-"""What training is told and what it answers; without torch, for those who only read."""
+"""Settings and results of training; without torch, for modules that only read them."""
 
 from __future__ import annotations
 

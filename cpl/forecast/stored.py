@@ -72,7 +72,7 @@ def write_suite(
         settings: those of the training.
         config: what else tells where they come from.
     """
-    told = {
+    config = {
         **config,
         "members": settings.members,
         "dropout": settings.dropout,
@@ -80,7 +80,7 @@ def write_suite(
         "horizon": settings.horizon,
         "scales": dict(found),
     }
-    return encode_networks(suite.networks, told, suite.arrays)
+    return encode_networks(suite.networks, config, suite.arrays)
 
 
 def read_suite(content: bytes, *, length: int, horizon: int) -> Model:
@@ -124,19 +124,19 @@ def forecaster(
     """
     if method not in METHODS:
         raise ValueError(f"method must be one of {METHODS}, got {method!r}")
-    told = model.config
+    config = model.config
     scale = 1.0
     if method == "conformal" or (method == "none" and not calibrated):
         return Plain(_network(model, "plain"))
     if calibrated:
-        scale = told.get("scales", {}).get(method)
+        scale = config.get("scales", {}).get(method)
         if not isinstance(scale, float) or not np.isfinite(scale):
             raise WrongModelError(
                 f"the model must have a finite scale of {method!r}, got {scale!r}"
             )
         if method == "none":
             return Constant(_network(model, "plain"), scale)
-    return _made(model, method, scale, rng, int(told["members"]), float(told["dropout"]))
+    return _made(model, method, scale, rng, int(config["members"]), float(config["dropout"]))
 
 
 def crash_classifier(model: Model) -> MLP:

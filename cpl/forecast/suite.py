@@ -85,8 +85,10 @@ def split(rollouts: Rollouts, rng: np.random.Generator, *, held_out: float = 0.1
     """
     count = round(held_out * len(rollouts))
     if count < 1 or len(rollouts) - 2 * count < 1:
-        told = f"{held_out!r} of {len(rollouts)} episodes"
-        raise ValueError(f"held_out must leave episodes for all three parts, got {told}")
+        raise ValueError(
+            f"held_out must leave episodes for all three parts, got {held_out!r} of"
+            f" {len(rollouts)} episodes"
+        )
     place = np.argsort(rng.permutation(len(rollouts)))
     return Split(
         train=place >= 2 * count,

@@ -1,24 +1,31 @@
 """How the kernels are compiled: one decorator, and where the machine code is kept.
 
 Compiled code is cached by numba in `__pycache__` beside these modules or, where that is not
-writable, in the user's cache folder; NUMBA_CACHE_DIR moves it anywhere else.
+writable, in the user's cache folder; NUMBA_CACHE_DIR moves it anywhere else. Under
+NUMBA_DISABLE_JIT=1, for a debugger or a coverage tool, Python runs the same functions to the same
+bits, a thousand times slower.
 """
 
 from __future__ import annotations
 
 import hashlib
+import math
+import struct
 from collections.abc import Callable
+from fractions import Fraction
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import config, njit, types
 from numba.extending import intrinsic
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from cpl import portable
 
-__all__ = ["bits_of", "float_of", "fma", "inlined", "inner", "kernel", "merged"]
+__all__ = ["bits_of", "float_of", "fma", "inlined", "inner", "kernel", "merged", "tuple_of"]
 
 # Reference counting is switched off: kernels allocate nothing, and counting the references to
 # array views cost more than half of a step. The option has no public spelling in numba.
@@ -45,6 +52,8 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     Returns:
         The compiled function.
     """
+    if config.DISABLE_JIT:
+        return np.errstate(all="ignore")(function)  # overflow is meant, as in machine code
     return _stamped(njit(**_OPTIONS)(function))
 
 
@@ -139,11 +148,33 @@ def _float_of(typing_context, bits):  # noqa: ANN001, ANN202
     return types.float64(types.int64), generate
 
 
-fma: Any = intrinsic(_fma)
+def _fma_in_python(a: float, b: float, c: float) -> float:
+    if not (math.isfinite(a) and math.isfinite(b) and math.isfinite(c)):
+        return a * b + c
+    exact = Fraction(a) * Fraction(b) + Fraction(c)
+    return float(exact) if exact else a * b + c  # the sign of a zero
+
+
+def _bits_in_python(x: float) -> int:
+    return struct.unpack("<q", struct.pack("<d", x))[0]
+
+
+def _float_in_python(bits: int) -> float:
+    return struct.unpack("<d", struct.pack("<q", bits))[0]
+
+
+def _either(compiled: Callable[..., Any], plain: Callable[..., Any]) -> Any:  # noqa: ANN401
+    return plain if config.DISABLE_JIT else intrinsic(compiled)
+
+
+fma: Any = _either(_fma, _fma_in_python)
 """Fused multiply-add fma(a, b, c) = a b + c, rounded once, on any processor."""
 
-bits_of: Any = intrinsic(_bits_of)
+bits_of: Any = _either(_bits_of, _bits_in_python)
 """The 64 bits of a float as a signed integer."""
 
-float_of: Any = intrinsic(_float_of)
+float_of: Any = _either(_float_of, _float_in_python)
 """The float of 64 bits."""
+
+tuple_of: Any = (lambda values, _: tuple(values)) if config.DISABLE_JIT else to_fixed_tuple
+"""The tuple of all values of an array, whose number is known when the kernel is compiled."""

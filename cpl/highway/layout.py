@@ -9,12 +9,11 @@ past the end.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba.np.unsafe.ndarray import to_fixed_tuple
 
-from cpl.highway._compile import inlined
+from cpl.highway._compile import inlined, tuple_of
 from cpl.highway.config import FEATURES, Config
 
 __all__ = [
@@ -132,13 +131,12 @@ class Settings(NamedTuple):
 
 _COUNTS = 15
 _NUMBERS = 28
-_tuple_of: Any = to_fixed_tuple
 
 
 @inlined
 def settings_from(counts: np.ndarray, numbers: np.ndarray) -> Settings:
     """Read `Settings` back from the arrays of `settings_of`."""
-    return Settings(*(_tuple_of(counts, _COUNTS) + _tuple_of(numbers, _NUMBERS)))
+    return Settings(*(tuple_of(counts, _COUNTS) + tuple_of(numbers, _NUMBERS)))
 
 
 class Memory(NamedTuple):

@@ -171,14 +171,17 @@ class Bag2(Recording):
         super().__init__()
         self._files: list[tuple[Path, sqlite3.Connection]] = []
         self._steps = 0
+        self.notes.append("SQLite carries no checksums: a changed digit in it cannot be seen")
         for path in paths:
             with Source.open(path) as source:
                 self.size += source.size
+                self._complete(source, path)
             link = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
             self._open.callback(link.close)
             self._guarded(link)
             try:
                 self._tables(link, path)
+                self._sound(link, path)
                 for topic in self._told(link):
                     self._topic(topic)
             except sqlite3.Error as error:
@@ -217,6 +220,26 @@ class Bag2(Recording):
         link.execute("PRAGMA trusted_schema = OFF")
         link.execute("PRAGMA cell_size_check = ON")
         link.set_progress_handler(step, 1000)
+
+    def _complete(self, source: Source, path: Path) -> None:
+        """Note pages that the file says it has and has not: SQLite reads them as empty."""
+        head = source.read(0, 32)
+        page = int.from_bytes(head[16:18]) or 0
+        page = 1 << 16 if page == 1 else page
+        lost = page * int.from_bytes(head[28:32]) - source.size
+        if lost > 0:
+            what = f"{path.name}: the file ends {lost} bytes before its last page"
+            self.damages.append(Damage(at=source.size, size=0, what=what))
+
+    def _sound(self, link: sqlite3.Connection, path: Path) -> None:
+        """Note what SQLite's own check of the pages finds first."""
+        try:
+            found = str(link.execute("PRAGMA quick_check(1)").fetchone()[0])
+        except sqlite3.Error as error:
+            found = str(error)
+        if found != "ok":
+            what = f"{path.name}: SQLite finds the file damaged ({found.splitlines()[0][:200]})"
+            self.damages.append(Damage(at=0, size=0, what=what))
 
     @staticmethod
     def _tables(link: sqlite3.Connection, path: Path) -> None:

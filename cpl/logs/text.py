@@ -86,7 +86,8 @@ class Layout:
         number: Place of the row's number; None to count.
         comment: What a line begins with that is not data.
         decimal_comma: Whether numbers are written with a comma.
-        only: Which lines are rows; None for all of them.
+        only: Says of a line whether it is a row, is none, or (None) should be one and is not; None
+            where every line is a row.
         derive: Makes the columns of `cpl.logs.COLUMNS` of those that were read, and says which rows
             are bad; None where they are the same.
         axes: The convention of the columns; None to leave it to the options.
@@ -103,7 +104,7 @@ class Layout:
     number: int | None = None
     comment: str = "#"
     decimal_comma: bool = False
-    only: Callable[[list[str]], bool] | None = None
+    only: Callable[[list[str]], bool | None] | None = None
     derive: Callable[[Columns], tuple[Columns, list[Bad]]] | None = None
     axes: str | None = None
 
@@ -373,7 +374,11 @@ class _Rows:
                 continue
             else:
                 cells = line.split(layout.separator)
-            if layout.only is not None and not layout.only(cells):
+            kind = True if layout.only is None else layout.only(cells)
+            if kind is None:
+                self._bad(number, SchemaError, f"is of a kind that there is not: {_short(line)}")
+                continue
+            if not kind:
                 self._left += 1
                 continue
             kept.append((number, cells))

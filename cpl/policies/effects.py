@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import stats as sp
 
 from cpl.policies.comparison import chosen
 from cpl.policies.measures import cube, measure
@@ -22,7 +21,7 @@ from cpl.stats import (
     sums,
 )
 
-__all__ = ["beside", "contrast", "difference", "over_pairs", "p_of", "speaks", "told"]
+__all__ = ["beside", "contrast", "difference", "over_pairs", "speaks", "with_interval"]
 
 Which = Mapping[str, object]
 Floats = NDArray[np.float64]
@@ -122,32 +121,11 @@ def over_pairs(values: pd.Series) -> Estimate:
     return mean_interval(kept.to_numpy(np.float64))
 
 
-def p_of(estimate: Estimate, *, confidence: float = 0.95) -> float:
-    """Return the two-sided p-value that goes with a symmetric interval around an effect.
-
-    Args:
-        estimate: The effect; its `n` is the number of groups.
-        confidence: Of the interval.
-
-    Examples:
-        An interval that just touches 0:
-
-        >>> round(p_of(Estimate(value=1.0, low=0.0, high=2.0, n=4)), 6)
-        0.05
-    """
-    free = max(estimate.n - 1, 1)
-    half = (estimate.high - estimate.low) / 2
-    if not half > 0:
-        return 1.0 if estimate.value == 0 else 0.0
-    scale = half / sp.t.ppf((1 + confidence) / 2, free)
-    return float(2 * sp.t.sf(abs(estimate.value) / scale, free))
-
-
-def told(estimate: Estimate, form: str = "{:+.1f}") -> str:
+def with_interval(estimate: Estimate, form: str = "{:+.1f}") -> str:
     """Write an estimate with its interval.
 
     Examples:
-        >>> told(Estimate(value=1.0, low=-0.25, high=2.25, n=4), "{:+.2f}")
+        >>> with_interval(Estimate(value=1.0, low=-0.25, high=2.25, n=4), "{:+.2f}")
         '+1.00 (-0.25 to +2.25)'
     """
     value, low, high = (form.format(end) for end in (estimate.value, estimate.low, estimate.high))

@@ -90,13 +90,13 @@ def overview(
     deciding = {name: AXES[name] for name in _DECIDE}
     sound = main.loc[main["pair"].isin(sound_pairs(main))]
     sides = table.loc[table["top_mps"] != top_mps]
-    told = [
+    parts = [
         standings(main, first, others, AXES).assign(rivals="as published"),
         standings(sound, first, others, deciding).assign(rivals="as published, sound pairs"),
         standings(main, first, others, deciding, calibrated=True).assign(rivals="calibrated"),
         standings(sides, first, others, deciding).assign(rivals="as published"),
     ]
-    joined = pd.concat(told, ignore_index=True)
+    joined = pd.concat(parts, ignore_index=True)
     texts = joined[list(others)].map(marked, na_action="ignore").fillna("")
     return pd.concat([joined[["top_mps", "rivals", "plane"]], texts], axis=1)
 

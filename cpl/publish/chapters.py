@@ -143,7 +143,8 @@ def find_pages(root: Path) -> list[Path]:
     toc = root / "_toc.yml"
     if not toc.exists():
         return []
-    pages = [root / f"{name}.md" for name in _files(yaml.safe_load(toc.read_text()))]
+    listed = yaml.safe_load(toc.read_text(encoding="utf-8"))
+    pages = [root / f"{name}.md" for name in _files(listed)]
     missing = [page.relative_to(root).as_posix() for page in pages if not page.exists()]
     if missing:
         msg = f"_toc.yml names files that do not exist: {', '.join(missing)}"

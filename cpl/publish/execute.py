@@ -130,7 +130,7 @@ def _kernel_settings(scratch: Path) -> Iterator[None]:
     """Set the environment from which the kernel starts, and put the old one back."""
     profile = scratch / "ipython" / "profile_default"
     profile.mkdir(parents=True)
-    (profile / "ipython_kernel_config.py").write_text(_IPYTHON)
+    (profile / "ipython_kernel_config.py").write_text(_IPYTHON, encoding="utf-8")
     path = os.pathsep.join([str(project_root()), os.environ.get("PYTHONPATH", "")])
     chosen = {
         "IPYTHONDIR": str(profile.parent),
@@ -165,6 +165,8 @@ def _failure(chapter: Chapter, error: Any) -> str:  # noqa: ANN401 (papermill is
         (cell.line for cell in chapter.cells if cell.code and cell.source == error.source), None
     )
     where = f"{chapter.path.name}:{line}" if line else chapter.path.name
+    if error.ename in _ABOUT_FILES:  # a parameter names what is not there: no trace explains more
+        return f"{chapter.name}: the cell at {where} failed: {error.evalue}"
     return f"{chapter.name}: the cell at {where} failed: {error.ename}\n\n{trace}"
 
 
@@ -184,6 +186,7 @@ def _tidy(notebook: Notebook) -> Notebook:
     return notebook
 
 
+_ABOUT_FILES = ("FileNotFoundError", "IsADirectoryError", "NotADirectoryError", "PermissionError")
 _IPYTHON = """
 c.Application.log_level = 50  # a failing cell is reported by its traceback
 c.HistoryManager.enabled = False

@@ -127,7 +127,7 @@ def _is_seed(name: str) -> bool:
 def _git(root: Path, *words: str) -> str | None:
     try:
         done = subprocess.run(
-            ["git", "-C", str(root), *words], capture_output=True, text=True, check=False
+            ["git", "-C", str(root), *words], capture_output=True, encoding="utf-8", check=False
         )
     except FileNotFoundError:
         return None

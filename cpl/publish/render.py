@@ -37,7 +37,7 @@ def render(stage: Path, output: Path, *, strict: bool = True) -> Path:
     done = subprocess.run(
         [sys.executable, "-c", "from jupyter_book.cli.main import main; main()", *words],
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         check=False,
         env={**os.environ, "PYTHONWARNINGS": "ignore", "PYTHONPATH": str(stage / "book" / "_ext")},
     )

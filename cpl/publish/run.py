@@ -48,13 +48,20 @@ def run_chapter(chapter: Chapter, chosen: Mapping[str, Value], folder: Path, roo
 
 
 def new_folder(root: Path, chapter: Chapter, chosen: Mapping[str, Value]) -> Path:
-    """Return a folder below `_build/runs` that does not exist yet, named by time and settings."""
+    """Make a folder below `_build/runs`, named by time and settings, that no other run has."""
     settings = "_".join(f"{name}-{value}" for name, value in chosen.items())
     plain = "".join(c if c.isalnum() or c in ".-_" else "-" for c in settings)[:80]
     stamp = datetime.now().astimezone().strftime("%Y%m%dT%H%M%S")
     stem = root / "_build" / "runs" / chapter.name / f"{stamp}_{plain or 'default'}"
-    names = (stem.with_name(stem.name + (f"-{n}" if n else "")) for n in range(1000))
-    return next(folder for folder in names if not folder.exists())
+    for n in range(1000):
+        folder = stem.with_name(stem.name + (f"-{n}" if n else ""))
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:  # of a run in the same second, perhaps in another process
+            continue
+        return folder
+    msg = f"{stem} and 999 folders beside it exist already"
+    raise FileExistsError(msg)
 
 
 def execute_all(

@@ -2,8 +2,8 @@
 
 Section V-A prints v = kp (x_hat - x_i). With kp > 0 that drives away from the waypoint
 (contradiction 1), and its error is in the world frame while the robot takes body-frame velocities
-(contradiction 2). `velocity_command` is the controller put right; `printed_command` is the literal
-one, kept so that a test can show what it does.
+(contradiction 2). Its target is the nearest waypoint, which is the one that the robot stands on
+(contradiction 3). Here is the controller put right; the tests show what the literal one does.
 """
 
 from __future__ import annotations
@@ -21,8 +21,6 @@ __all__ = [
     "Limits",
     "advance",
     "arrived",
-    "nearest_waypoint",
-    "printed_command",
     "saturate",
     "velocity_command",
     "wrap_angle",
@@ -89,26 +87,6 @@ def velocity_command(pose: Pose, waypoint: Pose, kp: float) -> Command:
     )
 
 
-def printed_command(pose: Pose, waypoint: Pose, kp: float) -> Command:
-    """Return the command exactly as printed, v = kp (x_hat - x_i): it drives away.
-
-    Paper: Section V-A, literally: wrong sign, world-frame components, no wrap.
-
-    Args:
-        pose: Estimated x [m], y [m], heading [rad] in the world frame.
-        waypoint: The target's x [m], y [m], heading [rad] in the world frame.
-        kp: The gain [1/s].
-
-    >>> printed_command((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.5)
-    (-1.5, 0.0, 0.0)
-    """
-    return (
-        float(kp * (pose[0] - waypoint[0])),
-        float(kp * (pose[1] - waypoint[1])),
-        float(kp * (pose[2] - waypoint[2])),
-    )
-
-
 def saturate(command: Command, limits: Limits) -> Command:
     """Scale the linear velocity into its box without turning it, and clip the yaw rate.
 
@@ -123,15 +101,6 @@ def saturate(command: Command, limits: Limits) -> Command:
     excess = max(1.0, abs(v_x) / limits.v_x_mps, abs(v_y) / limits.v_y_mps)
     bound = limits.yaw_rate_radps
     return v_x / excess, v_y / excess, min(max(yaw_rate, -bound), bound)
-
-
-def nearest_waypoint(pose: Pose, path: Path) -> int:
-    """Return the index of the nearest waypoint, the paper's literal target.
-
-    A controller that follows it stalls: the nearest waypoint is the one the robot stands on
-    (contradiction 3). `advance` is what the runs use.
-    """
-    return int(np.argmin(_distances(pose, path)))
 
 
 def advance(index: int, pose: Pose, path: Path, *, radius_m: float = ADVANCE_RADIUS_M) -> int:

@@ -76,26 +76,25 @@ class Claim:
 
 def pieces_again(task: Job, result: Result) -> Pieces:
     """Compare each piece of a result with the published piece of the same name and settings."""
-    from cpl.experiments.run.inputs import without_extent
-    from cpl.store import plain, read_published, same_table
+    from cpl.store import read_published, same_table
 
     try:
         table, manifest = read_published(task.name, _PUBLISHED)
     except FileNotFoundError:
         return Pieces(shards=(), differing=())
-    asked = without_extent(task.module, plain(task.config))
-    if without_extent(task.module, manifest.parameters) != asked:
+    if task.spec.without_extent(manifest.parameters) != task.parameters:
         return Pieces(shards=(), differing=())
-    extent = frozenset(getattr(task.module, "EXTENT", ()))
+    extent = frozenset(task.spec.extent)
     there = {shard.name: shard for shard in manifest.shards}
     both = [shard for shard in result.provenance.shards if shard.name in there]
-    rtol = float(getattr(task.module, "RTOL", 1e-9))
     differing: list[str] = []
     for mine in both:
         other = there[mine.name]
         again = result.table.iloc[mine.first_row : mine.first_row + mine.rows]
         stored = table.iloc[other.first_row : other.first_row + other.rows]
-        difference = same_table(_told_apart(again, extent), _told_apart(stored, extent), rtol=rtol)
+        difference = same_table(
+            _told_apart(again, extent), _told_apart(stored, extent), rtol=task.spec.rtol
+        )
         if difference:
             differing.append(f"{mine.name}: {difference}")
     return Pieces(shards=tuple(shard.name for shard in both), differing=tuple(differing))
@@ -123,7 +122,7 @@ def claims_again(results: Path, whole: Collection[str]) -> list[Claim]:
             continue
         origins = {name.partition("/")[0] for name in row.computed_from}
         same = origins <= set(whole)
-        timed = any(getattr(experiment(name), "RTOL", 0.0) >= 1 for name in origins)
+        timed = any(experiment(name).rtol >= 1 for name in origins)
         if row.row in undecided:
             claims.append(_claim(row, None, same, undecided[row.row]))
         elif row.row in found and found[row.row].value is not None:

@@ -6,18 +6,19 @@ be imported. The emulators (:mod:`cpl.robot.emulator`) need OpenCV, the extra `q
 Nothing in this package has ever driven a physical robot.
 """
 
-from cpl.robot.clock import Clock, RealClock, Timing, histogram, urgent
+from cpl.robot.agreement import AgreementConfig
+from cpl.robot.clock import Clock, RealClock, Timing, boottime, histogram, urgent
 from cpl.robot.envelope import Envelope, clamp, within
 from cpl.robot.go1 import GO1, LOCAL_PORT, Go1Base, vendor_version
-from cpl.robot.guard import GuardConfig, GuardState, RobotFacts, Ruling, Stop, guard
+from cpl.robot.guard import SUPERVISOR, GuardConfig, GuardState, RobotFacts, Ruling, Stop, guard
 from cpl.robot.interfaces import Base, BaseState, Fix, Localizer, Mode, RobotError
+from cpl.robot.lease import LeaseConfig
 from cpl.robot.loop import OUTCOMES, PERIOD_S, Robot, drive, halt, prepare
 from cpl.robot.ports import Address, address, free_port, is_loopback
 from cpl.robot.replay import replay, replayed
 from cpl.robot.session import Plan, Walked, collection, evaluation, perform
 from cpl.robot.t265 import Mount, T265Localizer
 from cpl.robot.view import View
-from cpl.robot.watchdog import Lease, LeaseConfig
 from cpl.robot.watched import WatchdogConfig, WatchedBase
 
 __all__ = [
@@ -25,7 +26,9 @@ __all__ = [
     "LOCAL_PORT",
     "OUTCOMES",
     "PERIOD_S",
+    "SUPERVISOR",
     "Address",
+    "AgreementConfig",
     "Base",
     "BaseState",
     "Clock",
@@ -34,7 +37,6 @@ __all__ = [
     "Go1Base",
     "GuardConfig",
     "GuardState",
-    "Lease",
     "LeaseConfig",
     "Localizer",
     "Mode",
@@ -53,6 +55,7 @@ __all__ = [
     "WatchdogConfig",
     "WatchedBase",
     "address",
+    "boottime",
     "clamp",
     "collection",
     "drive",

@@ -20,9 +20,9 @@ from cpl.robot.clock import urgent
 from cpl.robot.go1 import SDK
 from cpl.robot.guard import GuardConfig
 from cpl.robot.interfaces import ZERO, Fix, Mode, RobotError
+from cpl.robot.lease import LeaseConfig
 from cpl.robot.loop import READY_S, Robot, prepare
 from cpl.robot.processes import NEEDED, camera_library
-from cpl.robot.watchdog import LeaseConfig
 
 __all__ = ["QUESTIONS", "Item", "before", "connected", "watchdog_trips"]
 

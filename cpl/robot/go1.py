@@ -7,18 +7,17 @@ only and is no help here. Either way what leaves is clamped, finite and rounded 
 from __future__ import annotations
 
 import os
-import socket
 import sys
-import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Protocol
 
 from cpl.optional import look
+from cpl.robot.clock import boottime
 from cpl.robot.envelope import Envelope, clamp
 from cpl.robot.interfaces import ZERO, BaseState, Command, Mode, RobotError
-from cpl.robot.ports import Address, drain
+from cpl.robot.ports import Address, drain, receiver, send
 from cpl.robot.wire import (
     HIGH_LEVEL,
     HighCommand,
@@ -46,7 +45,7 @@ class Go1Base:
         library: `sdk` for the vendor's, `wire` for our own, `auto` for the vendor's if it is here.
         local_port: Where to send from; 0 for any that is free.
         envelope: No larger velocity ever leaves.
-        clock: The monotonic clock [s].
+        clock: The time [s].
 
     Raises:
         ValueError: No such library.
@@ -60,11 +59,13 @@ class Go1Base:
         library: str = "auto",
         local_port: int = 0,
         envelope: Envelope | None = None,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = boottime,
     ) -> None:
         if library not in LIBRARIES:
             raise ValueError(f"library must be one of {', '.join(LIBRARIES)}, not {library!r}")
-        vendor = vendor_version()
+        vendor = (
+            None if library == "wire" else vendor_version()
+        )  # to look takes a fifth of a second
         if library == "sdk" and vendor is None:
             raise RobotError(str(look(SDK)))
         use_vendor = vendor is not None and library != "wire"
@@ -78,6 +79,11 @@ class Go1Base:
     def refused(self) -> int:
         """States that came damaged and were not used."""
         return self._link.refused
+
+    @property
+    def unsent(self) -> int:
+        """Commands that the operating system did not take: the link is away."""
+        return self._link.unsent
 
     def send(self, mode: Mode, command: Command = ZERO) -> None:
         """Ask for a mode, and in `Mode.WALK` for a velocity, clamped once more."""
@@ -114,6 +120,7 @@ def vendor_version() -> str | None:
 
 class _Link(Protocol):
     refused: int
+    unsent: int
 
     def __init__(self, to: Address, local_port: int) -> None: ...
     def send(self, command: HighCommand) -> None: ...
@@ -125,20 +132,25 @@ class _WireLink:
     """Our own datagrams."""
 
     def __init__(self, to: Address, local_port: int) -> None:
-        self.refused = 0
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.bind(("", local_port))
-        self._socket.connect(to)
-        self._socket.setblocking(False)
+        self.refused = self.unsent = 0
+        self._socket = receiver(local_port, "")
+        self._to, self._connected = to, False
 
     def send(self, command: HighCommand) -> None:
-        try:
-            self._socket.send(encode_command(command))
-        except (ConnectionRefusedError, BlockingIOError):
-            return  # nobody there, or a full queue: as a lost datagram; silence is noticed above
+        self.unsent += not (self._connect() and send(self._socket, encode_command(command)))
+
+    def _connect(self) -> bool:
+        """Hear the robot alone; without a route, try again with the next command."""
+        if not self._connected:
+            with suppress(OSError):
+                self._socket.connect(self._to)
+                self._connected = True
+        return self._connected
 
     def newest(self) -> HighState | None:
         newest = None
+        if not self._connect():
+            return None
         for data in drain(self._socket):
             try:
                 newest = decode_state(data)
@@ -156,7 +168,7 @@ class _VendorLink:
     def __init__(self, to: Address, local_port: int) -> None:
         from unitree_legged_sdk import robot_interface as sdk
 
-        self.refused = 0
+        self.refused = self.unsent = 0
         with _silence():
             self._udp: Any = sdk.UDP(HIGH_LEVEL, local_port, *to)
         self._command, self._state = sdk.HighCmd(), sdk.HighState()
@@ -167,7 +179,7 @@ class _VendorLink:
         self._command.velocity = list(command.velocity[:2])
         self._command.yawSpeed = command.velocity[2]
         self._udp.SetSend(self._command)
-        self._udp.Send()  # negative if nobody listens; silence is noticed above
+        self.unsent += self._udp.Send() < 0
 
     def newest(self) -> HighState | None:
         """Take what is there. Recv says -1 both for "nothing" and for a wrong head."""

@@ -1,21 +1,26 @@
 """What a real robot adds to the supervisor: reasons to end the run, and the last clamp.
 
 `cpl.quadruped.supervise` clamps, fences and waits for poses. On a robot there is also an operator,
-a battery, a clock, a cable, and a pose that may jump. `guard` asks the supervisor first and can
-only take away from what that passes on. It is a pure function of (state, facts, command).
+a battery, a clock, a cable, a pose that may jump, be late or count from another origin, and legs
+that know better. `guard` asks the supervisor first and can only take away from what that passes on.
+It is a pure function of (state, facts, command).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from math import hypot, isfinite
+from math import hypot, isfinite, nan
 
 from cpl.quadruped import Facts, Reason, SupervisorConfig, SupervisorState, supervise
+from cpl.robot.agreement import Agreement, AgreementConfig, compare
 from cpl.robot.envelope import Envelope, clamp
 from cpl.robot.interfaces import ZERO, Command, Mode
 
-__all__ = ["GuardConfig", "GuardState", "RobotFacts", "Ruling", "Stop", "guard"]
+__all__ = ["SUPERVISOR", "GuardConfig", "GuardState", "RobotFacts", "Ruling", "Stop", "guard"]
+
+SUPERVISOR = SupervisorConfig(pose_age_s=0.15)
+"""The supervisor's settings on a robot, whose camera gives 200 poses in a second."""
 
 
 class Stop(StrEnum):
@@ -27,6 +32,8 @@ class Stop(StrEnum):
     CLOCK = "clock"  # time ran backwards, or the loop stood still
     LINK = "link"  # the robot has not answered for too long
     BATTERY = "battery"
+    CAMERA = "camera"  # its poses are old for too long, or count from another origin
+    ODOMETRY = "odometry"  # the robot's own odometry and the camera have parted
 
 
 class Hold(StrEnum):
@@ -48,20 +55,24 @@ class GuardConfig:
         gap_s: A step that took longer than this is a fault of clock or computer [s].
         jump_m: A pose that moved farther between two steps than this jumped [m].
         settle_s: How long the robot waits after a jump [s].
+        stale_s: When poses were older than the supervisor allows for this long, the run ends [s].
+        agreement: How far camera and odometry may part; None where there is no odometry.
     """
 
-    supervisor: SupervisorConfig = field(default_factory=SupervisorConfig)
+    supervisor: SupervisorConfig = SUPERVISOR
     battery_min: int = 20
     answer_s: float = 0.3
     link_s: float = 1.0
     gap_s: float = 1.0
     jump_m: float = 0.5
     settle_s: float = 0.3
+    stale_s: float = 0.3
+    agreement: AgreementConfig | None = field(default_factory=AgreementConfig)
 
     def __post_init__(self) -> None:
         if not 0 <= self.battery_min <= 100:
             raise ValueError(f"battery_min must be in [0, 100], not {self.battery_min}")
-        for name in ("answer_s", "link_s", "gap_s", "jump_m", "settle_s"):
+        for name in ("answer_s", "link_s", "gap_s", "jump_m", "settle_s", "stale_s"):
             value = getattr(self, name)
             if not (isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be finite and above 0, not {value}")
@@ -83,6 +94,8 @@ class GuardState:
     settle_until_s: float = float("-inf")
     last_t_s: float | None = None
     last_place: tuple[float, float] | None = None
+    stale_since_s: float | None = None
+    agreement: Agreement = field(default_factory=Agreement)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +114,8 @@ class RobotFacts:
         mode: The robot's.
         operator: Whether somebody asked to stop.
         tripped: Whether the watchdog no longer obeys, or is gone.
+        pose_fault: Whether no pose of the camera counts any more.
+        odometry: x [m], y [m] of the robot by its own odometry, in the frame of the path.
     """
 
     t_s: float
@@ -114,6 +129,8 @@ class RobotFacts:
     mode: int = Mode.WALK
     operator: bool = False
     tripped: bool = False
+    pose_fault: bool = False
+    odometry: tuple[float, float] = (nan, nan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +162,8 @@ def guard(state: GuardState, facts: RobotFacts, command: Command, config: GuardC
     Returns:
         What to send. Nothing that the facts can say makes this raise.
 
-    >>> facts = RobotFacts(t_s=0.0, x_m=0.0, y_m=0.0, pose_valid=True, battery=12)
+    >>> facts = RobotFacts(t_s=0.0, x_m=0.0, y_m=0.0, pose_valid=True, battery=12,
+    ...                    odometry=(0.0, 0.0))
     >>> ruling = guard(GuardState(), facts, (0.5, 0.0, 0.0), GuardConfig())
     >>> ruling.command, ruling.reason, ruling.outcome
     ((0.0, 0.0, 0.0), 'battery', 'battery')
@@ -157,6 +175,9 @@ def guard(state: GuardState, facts: RobotFacts, command: Command, config: GuardC
     state = replace(_remember(state, facts, config), supervisor=verdict.state)
     if state.fenced:
         return _end(state, Reason.GEOFENCE.value)
+    stop = _parted(state, facts, config)
+    if stop is not None:
+        return _end(replace(state, stop=stop), stop.value)
     hold = _hold(state, facts, config)
     if hold is not None:
         return Ruling(command=ZERO, reason=hold.value, outcome="", state=state)
@@ -181,26 +202,47 @@ def _stop(state: GuardState, facts: RobotFacts, config: GuardConfig) -> Stop | N
         (Stop.CLOCK, not (first or step_s > 0)),
         (Stop.LINK, not facts.answer_age_s <= config.link_s),
         (Stop.BATTERY, facts.battery < config.battery_min),
+        (Stop.CAMERA, facts.pose_fault),
     )
     return next((stop for stop, applies in rules if applies), None)
+
+
+def _parted(state: GuardState, facts: RobotFacts, config: GuardConfig) -> Stop | None:
+    """Whether the camera's poses are of no use: old for too long, or not where the legs are."""
+    since = state.stale_since_s
+    if since is not None and not facts.t_s - since < config.stale_s:
+        return Stop.CAMERA
+    return Stop.ODOMETRY if state.agreement.broken else None
 
 
 def _remember(state: GuardState, facts: RobotFacts, config: GuardConfig) -> GuardState:
     known = isfinite(facts.x_m) and isfinite(facts.y_m)
     place = (facts.x_m, facts.y_m) if known else state.last_place
     half = config.supervisor.fence_half_width_m
-    outside = known and max(abs(facts.x_m), abs(facts.y_m)) > half
+    seen = (*facts.odometry, *((facts.x_m, facts.y_m) if known else ()))
+    outside = any(abs(each) > half for each in seen)  # by either estimate
     moved = 0.0
     if known and state.last_place is not None:
         moved = hypot(facts.x_m - state.last_place[0], facts.y_m - state.last_place[1])
     until = facts.t_s + config.settle_s if moved > config.jump_m else state.settle_until_s
+    fresh = known and facts.pose_age_s <= config.supervisor.pose_age_s
+    stale = facts.t_s if state.stale_since_s is None else state.stale_since_s
     return replace(
         state,
         fenced=state.fenced or outside,
         settle_until_s=until,
         last_t_s=facts.t_s,
         last_place=place,
+        stale_since_s=None if fresh else stale,
+        agreement=_agreement(state, facts, config) if known else state.agreement,
     )
+
+
+def _agreement(state: GuardState, facts: RobotFacts, config: GuardConfig) -> Agreement:
+    if config.agreement is None or not facts.answer_age_s <= config.answer_s:
+        return state.agreement  # an odometry that is old says nothing of a robot that walks
+    place = (facts.x_m, facts.y_m)
+    return compare(state.agreement, facts.t_s, place, facts.odometry, config.agreement)
 
 
 def _hold(state: GuardState, facts: RobotFacts, config: GuardConfig) -> Hold | None:

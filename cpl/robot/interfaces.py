@@ -1,7 +1,8 @@
 """What is a robot to the loop? A base that takes velocities and a localizer that says where it is.
 
 Every backend is one of each: the twin in lock-step, a recorded log, the Go1 through its vendor's
-SDK, the T265 through its bridge. Times are those of the controlling computer's monotonic clock.
+SDK, the T265 through its bridge. Times are those of the controlling computer's clock, which goes
+on in suspend.
 """
 
 from __future__ import annotations
@@ -68,7 +69,9 @@ class Fix:
         twist: v_x [m/s], v_y [m/s], yaw rate [rad/s] in the body frame.
         confidence: The tracker's, 0 failed .. 3 high.
         slam_error: 0 none, 1 Vision, 2 Speed, 3 Other: the last since the fix before was taken.
-        changed_s: When the pose last changed [s]; a frozen stream does not make a pose fresh.
+        changed_s: When the pose that last changed was taken [s]; neither a frozen stream nor a late
+            one makes a pose fresh.
+        fault: Why no pose of this camera counts any more in this run; empty while they do.
     """
 
     position: tuple[float, float, float]
@@ -77,6 +80,7 @@ class Fix:
     confidence: int
     slam_error: int
     changed_s: float
+    fault: str = ""
 
 
 class Base(Protocol):

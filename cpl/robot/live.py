@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import secrets
 import signal
 import subprocess
 import sys
@@ -23,6 +22,7 @@ from cpl.robot.processes import (
     start_bridge,
     start_emulator,
 )
+from cpl.robot.seal import new_key
 from cpl.robot.t265 import Mount, T265Localizer
 from cpl.robot.watched import WatchdogConfig, WatchedBase, launch_watchdog
 
@@ -43,7 +43,8 @@ class Hardware:
         robot: Address of the Go1, as the watchdog sees it.
         local_port: Where the watchdog sends from.
         watchdog: Address of a watchdog on the robot's own computer; None for one on this one.
-        token: Token of a watchdog elsewhere.
+        key: What a watchdog elsewhere, or a bridge that is running, seals its packets with; None
+            to draw one for processes of this run.
         camera_python: The interpreter that has pyrealsense2 2.53.1; None if a bridge is running.
         camera_port: Where the bridge sends poses to.
         library: `auto`, `sdk` or `wire`.
@@ -55,13 +56,19 @@ class Hardware:
     robot: Address
     local_port: int = 0
     watchdog: Address | None = None
-    token: int = 1
+    key: bytes | None = field(default=None, repr=False)
     camera_python: str | None = None
     camera_port: int = 0
     library: str = "auto"
     mount: Mount = field(default_factory=Mount)
     guard: GuardConfig = field(default_factory=GuardConfig)
     provenance: str = "real-Go1"
+
+    def __post_init__(self) -> None:
+        if self.key is None and (self.watchdog or self.camera_python is None):
+            raise ValueError(
+                "key must be given with a watchdog elsewhere, or with a bridge that runs already"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,10 +120,12 @@ def hardware(
     """
     folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
-        localizer = T265Localizer(config.camera_port, config.mount)
+        key = config.key or new_key()
+        camera_key = new_key() if config.camera_python else key
+        localizer = T265Localizer(config.camera_port, config.mount, key=camera_key)
         stack.callback(localizer.close)
         if config.camera_python is not None:
-            bridge, _ = start_bridge(folder, localizer.address, config.camera_python)
+            bridge, _ = start_bridge(folder, localizer.address, config.camera_python, camera_key)
             stack.callback(bridge.stop)
         base = WatchedBase(
             WatchdogConfig(
@@ -125,7 +134,7 @@ def hardware(
                 local_port=config.local_port,
                 envelope=config.guard.envelope,
                 elsewhere=config.watchdog,
-                token=config.token if config.watchdog else secrets.randbits(31),
+                key=key,
                 folder=folder,
             )
         )
@@ -149,6 +158,7 @@ class Stage:
         base: Its base, which knows the watchdog.
         emulator: The robot's process.
         bridge: The camera's process; None where poses come straight from the emulator.
+        second: The process of the watchdog's second.
         cut: Cuts the link between policy and robot side.
     """
 
@@ -156,6 +166,7 @@ class Stage:
     base: WatchedBase
     emulator: Companion
     bridge: Companion | None
+    second: int
     cut: Callable[[], None]
 
 
@@ -183,7 +194,11 @@ def emulated(
         bridge, camera_to = None, localizer.address
         if software or config.camera_python:
             bridge, camera_to = start_bridge(
-                folder, localizer.address, config.camera_python or sys.executable, software=True
+                folder,
+                localizer.address,
+                config.camera_python or sys.executable,
+                localizer.key,
+                software=True,
             )
             stack.callback(bridge.stop)
             localizer.library = f"pyrealsense2 {_camera_version(config, here)} software device"
@@ -193,6 +208,7 @@ def emulated(
             folder,
             camera_to,
             config.start,
+            localizer.key,
             seed=config.seed,
             world=config.world,
             faults=config.faults,
@@ -201,12 +217,10 @@ def emulated(
         wanted_dog = WatchdogConfig(
             robot=address,
             library=config.library,
-            local_port=free_port(),
             envelope=config.guard.envelope,
-            token=secrets.randbits(31),
             folder=folder,
         )
-        dog, cut = _placed(config, wanted_dog, emulator, folder, stack)
+        dog, second, cut = _placed(config, wanted_dog, emulator, folder, stack)
         base = WatchedBase(dog)
         stack.callback(base.close)
         robot = Robot(
@@ -217,23 +231,27 @@ def emulated(
             odometry_is_truth=True,
             placement=config.placement,
         )
-        yield Stage(robot=robot, base=base, emulator=emulator, bridge=bridge, cut=cut)
+        second = second or base.second or 0
+        yield Stage(
+            robot=robot, base=base, emulator=emulator, bridge=bridge, second=second, cut=cut
+        )
 
 
 def _placed(
     config: Emulated, dog: WatchdogConfig, emulator: Companion, folder: Path, stack: ExitStack
-) -> tuple[WatchdogConfig, Callable[[], None]]:
+) -> tuple[WatchdogConfig, int | None, Callable[[], None]]:
     """Lay the link: before the watchdog if it is on the robot, behind it if it is on the laptop."""
     from cpl.robot.emulator.relay import Relay  # needs the extra `quadruped`, hardware does not
 
     if config.placement == "laptop":
-        return dog, lambda: os.kill(emulator.pid, signal.SIGUSR1)
+        return dog, None, lambda: os.kill(emulator.pid, signal.SIGUSR1)
     listen = ("127.0.0.1", free_port())
     process = launch_watchdog(dog, listen, folder / "watchdog.json")
     stack.callback(_end, process)
     relay = Relay(listen)
     stack.callback(relay.close)
-    return replace(dog, elsewhere=relay.address), lambda: relay.suffer("cut")
+    there = replace(dog, elsewhere=relay.address)
+    return there, process.pid, lambda: relay.suffer("cut")
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
@@ -241,7 +259,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     try:
         process.wait(timeout=5)
     except subprocess.TimeoutExpired:
-        process.kill()
+        os.killpg(process.pid, signal.SIGKILL)
         process.wait()
     if process.stderr is not None:
         process.stderr.close()

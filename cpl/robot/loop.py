@@ -28,13 +28,14 @@ from cpl.quadruped import (
 )
 from cpl.robot.clock import Clock, RealClock, Timing
 from cpl.robot.guard import GuardConfig, GuardState, RobotFacts, guard
-from cpl.robot.interfaces import ZERO, Base, BaseState, Fix, Localizer, Mode, RobotError
+from cpl.robot.interfaces import ZERO, Base, BaseState, Fix, Localizer, Mode, Pose, RobotError
 
 __all__ = ["OUTCOMES", "PERIOD_S", "Robot", "drive", "halt", "prepare"]
 
 PERIOD_S = 0.1  # [s] 10 Hz
 OUTCOMES = (
     "arrived", "timeout", "geofence", "operator", "damped", "watchdog", "clock", "link", "battery",
+    "camera", "odometry",
 )  # fmt: skip
 READY_S = 10.0  # [s] for robot and camera to answer
 STOPPED_S = 0.3  # [s] of zero velocity before it stands
@@ -164,6 +165,7 @@ class _Loop:
         self._config, self._run = config, run
         self._history, self._state, self._index = History(), GuardState(), 0
         self._fix: Fix | None = None
+        self._frame: Pose | None = None  # where the odometry's origin is in the path's frame
         self._last_t_s = -PERIOD_S
 
     def step(self, now: float, begun: float) -> tuple[dict[str, Any], str]:
@@ -180,7 +182,7 @@ class _Loop:
         facts = self._facts(now, begun, fix, base)
         ruling = guard(self._state, facts, wanted, self._config)
         self._state = ruling.state
-        outcome = self._outcome(ruling.outcome, pose, facts.t_s)
+        outcome = self._outcome(ruling.outcome, pose, facts)
         command = ZERO if outcome else ruling.command
         robot.base.send(Mode.WALK, command)
         self._history.sent(command)
@@ -224,14 +226,37 @@ class _Loop:
             mode=Mode.WALK if base is None else base.mode,
             operator=self._robot.operator(),
             tripped=base is not None and bool(base.tripped),
+            pose_fault=bool(fix.fault),
+            odometry=self._odometry(base),
         )
 
-    def _outcome(self, stopped: str, pose: tuple[float, float, float], t_s: float) -> str:
+    def _odometry(self, base: BaseState | None) -> tuple[float, float]:
+        """Return the place by the robot's own odometry, which began where the path does."""
+        if base is None:
+            return np.nan, np.nan
+        x, y, yaw = base.odometry
+        if self._frame is None:
+            x0, y0, yaw0 = self._path.start
+            turn = yaw0 - yaw
+            c, s = np.cos(turn), np.sin(turn)
+            self._frame = (float(x0 - c * x + s * y), float(y0 - s * x - c * y), float(turn))
+        u, v, turn = self._frame
+        c, s = np.cos(turn), np.sin(turn)
+        return float(u + c * x - s * y), float(v + s * x + c * y)
+
+    def _outcome(self, stopped: str, pose: Pose, facts: RobotFacts) -> str:
         if stopped:
             return stopped
         if arrived(self._index, pose, self._path):
-            return "arrived"
-        return "timeout" if t_s >= self._run.max_s else ""
+            return "arrived" if self._there(facts.odometry) else "odometry"
+        return "timeout" if facts.t_s >= self._run.max_s else ""
+
+    def _there(self, odometry: tuple[float, float]) -> bool:
+        """Whether the legs, too, say that this is the end of the path."""
+        limits = self._config.agreement
+        last = self._path.waypoints[-1]
+        away = np.hypot(odometry[0] - last[0], odometry[1] - last[1])
+        return limits is None or bool(away <= limits.arrived_m)
 
     def _truth(self, base: BaseState | None) -> dict[str, float]:
         names = ("true_x_m", "true_y_m", "true_yaw_rad")

@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
+import errno
 import ipaddress
 import socket
 from collections.abc import Iterator
 
-__all__ = ["LOOPBACK", "Address", "address", "drain", "free_port", "is_loopback", "receiver"]
+__all__ = [
+    "LOOPBACK",
+    "Address",
+    "address",
+    "drain",
+    "drain_from",
+    "free_port",
+    "is_loopback",
+    "receiver",
+    "send",
+]
 
 LOOPBACK = "127.0.0.1"
 LARGEST = 2048  # [byte] no datagram here is larger
-BURST = 5000  # datagrams taken at once; more would be a flood
+BURST = 500  # datagrams taken at once: a flood must not hold up what is sent
 
 Address = tuple[str, int]
+
+_PASSING = {
+    errno.EAGAIN, errno.ENOBUFS, errno.ECONNREFUSED, errno.ENETDOWN, errno.ENETUNREACH,
+    errno.EHOSTDOWN, errno.EHOSTUNREACH, errno.EADDRNOTAVAIL, errno.ENODEV, errno.EPERM,
+    errno.EINVAL, errno.ENONET, errno.EMSGSIZE, errno.EINTR, errno.EPIPE, errno.ENOMEM,
+    errno.ETIMEDOUT,
+}  # fmt: skip
+"""What the operating system says of a link that is away, or of a moment without memory."""
 
 
 def receiver(port: int = 0, host: str = LOOPBACK) -> socket.socket:
@@ -44,8 +63,28 @@ def drain_from(there: socket.socket) -> Iterator[tuple[bytes, Address]]:
             yield there.recvfrom(LARGEST)
         except BlockingIOError:
             return
-        except ConnectionRefusedError:
-            continue  # nobody listens at the other end; said once for each datagram that was lost
+        except OSError as error:
+            if error.errno not in _PASSING:
+                raise
+            # Said once for each datagram that was lost; those behind it can still be read.
+
+
+def send(there: socket.socket, data: bytes, to: Address | None = None) -> bool:
+    """Send a datagram and say whether the operating system took it.
+
+    A cable that is away, a full queue or a port where nobody listens is a lost datagram and no
+    reason to end: whoever streams must still be there when the link comes back.
+    """
+    try:
+        if to is None:
+            there.send(data)
+        else:
+            there.sendto(data, to)
+    except OSError as error:
+        if error.errno not in _PASSING:
+            raise
+        return False
+    return True
 
 
 def free_port() -> int:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import shutil
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
@@ -37,22 +39,27 @@ class Companion:
         words: Its command.
         ready: What it says when it is ready.
         log: Where everything it says is kept.
+        key: What its packets are sealed with; it goes over a pipe.
 
     Raises:
         RobotError: It ended, or never said it was ready; its words are in the message.
     """
 
-    def __init__(self, words: list[str], ready: str, log: Path) -> None:
+    def __init__(self, words: list[str], ready: str, log: Path, key: bytes) -> None:
         self._log = log
         log.parent.mkdir(parents=True, exist_ok=True)
         self._file: IO[bytes] = log.open("ab")
         self._process = subprocess.Popen(
             words,
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE,
             stdout=self._file,
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )
+        assert self._process.stdin is not None  # it is a pipe
+        with suppress(BrokenPipeError):  # it ended already, and its words say why
+            self._process.stdin.write(key.hex().encode() + b"\n")
+            self._process.stdin.close()
         deadline = time.monotonic() + START_S
         while ready not in self._said():
             if self._process.poll() is not None or time.monotonic() > deadline:
@@ -73,6 +80,7 @@ class Companion:
         """Ask it to end, and wait."""
         if self._process.poll() is None:
             self._process.terminate()
+            self._process.send_signal(signal.SIGCONT)  # one that was stopped does not hear
             try:
                 self._process.wait(timeout=5)
             except subprocess.TimeoutExpired:
@@ -88,6 +96,7 @@ def start_emulator(
     folder: Path,
     camera_to: Address,
     start: Pose,
+    key: bytes,
     *,
     seed: int = 0,
     world: str = "twin",
@@ -99,6 +108,7 @@ def start_emulator(
         folder: For what it says and for its black box.
         camera_to: Where its camera sends poses.
         start: Where it stands.
+        key: What its camera's packets are sealed with.
         seed: Its noise.
         world: `twin` or `ideal`.
         faults: NAME@START:STOP each, in seconds since it was first asked to walk.
@@ -113,12 +123,12 @@ def start_emulator(
     words += [f"--start={start[0]!r},{start[1]!r},{start[2]!r}"]
     words += ["--black-box", str(folder / "black_box.jsonl")]
     words += [word for fault in faults for word in ("--fault", fault)]
-    made = Companion(words, "the emulator is there", folder / "emulator.txt")
+    made = Companion(words, "the emulator is there", folder / "emulator.txt", key)
     return made, ("127.0.0.1", port)
 
 
 def start_bridge(
-    folder: Path, to: Address, python: str, *, software: bool = False
+    folder: Path, to: Address, python: str, key: bytes, *, software: bool = False
 ) -> tuple[Companion, Address]:
     """Start the camera's bridge.
 
@@ -126,6 +136,7 @@ def start_bridge(
         folder: For what it says.
         to: The localizer's address.
         python: The interpreter that has pyrealsense2.
+        key: What its packets are sealed with.
         software: Whether the library's software device stands in for a camera.
 
     Returns:
@@ -135,7 +146,7 @@ def start_bridge(
     words = [python, str(Path(bridge.__file__)), "--to", "{}:{}".format(*to)]
     words += ["--software", str(port)] if software else []
     ready = "the software device streams" if software else "the camera streams"
-    return Companion(words, ready, folder / "bridge.txt"), ("127.0.0.1", port)
+    return Companion(words, ready, folder / "bridge.txt", key), ("127.0.0.1", port)
 
 
 def camera_library(python: str) -> str:

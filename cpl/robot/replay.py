@@ -7,6 +7,7 @@ clock was the reason for one of them.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import nan
 from typing import Any
 
@@ -148,7 +149,10 @@ def replay(run: Run, config: GuardConfig | None = None) -> Iterator[dict[str, An
         forecast=(lambda _: rows[clock.row]["l_hat"]) if predicts else None,
     )
     course = Path(name=str(said.get("shape", "path")), waypoints=np.array(said["waypoints"]))
-    steps = drive(robot, course, policy, config or GuardConfig(), RunConfig(max_s=1e6), _timing())
+    config = config or GuardConfig()
+    if not robot.odometry_is_truth:  # a log keeps no odometry, unless it is the truth
+        config = replace(config, agreement=None)
+    steps = drive(robot, course, policy, config, RunConfig(max_s=1e6), _timing())
     for _, row in zip(rows, steps, strict=False):
         yield row
 

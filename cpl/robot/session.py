@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -19,18 +21,29 @@ from cpl.quadruped import (
     GainLimits,
     Policy,
     PolicyConfig,
-    Predictor,
     RunConfig,
     shape,
     zigzag,
 )
 from cpl.quadruped import Path as Course
+from cpl.quadruped.policy import Forecast
 from cpl.rng import stream
 from cpl.robot.clock import Timing
 from cpl.robot.guard import GuardConfig
 from cpl.robot.loop import PERIOD_S, Robot, drive, halt, prepare
 
-__all__ = ["KP", "POLICIES", "RANGES", "Plan", "Walked", "collection", "evaluation", "perform"]
+__all__ = [
+    "KP",
+    "POLICIES",
+    "RANGES",
+    "Plan",
+    "Walked",
+    "collection",
+    "evaluation",
+    "log_path",
+    "numbered",
+    "perform",
+]
 
 KP = 1.5  # [1/s] Section V-B
 KEYPOINTS = 4
@@ -171,7 +184,7 @@ def perform(
     plan: Plan,
     folder: Path,
     *,
-    predictor: Predictor | None = None,
+    predictor: Forecast | None = None,
     config: GuardConfig | None = None,
     about: Mapping[str, Any] | None = None,
     watch: Watch | None = None,
@@ -184,7 +197,7 @@ def perform(
     Args:
         robot: Standing on the path's first waypoint.
         plan: What is to be done.
-        folder: Where the log goes; a log is never overwritten.
+        folder: Where the log goes.
         predictor: The trained network; not needed by the constant policy.
         config: The guard's.
         about: More for the log's configuration.
@@ -192,25 +205,28 @@ def perform(
 
     Raises:
         RobotError: Robot or camera are not ready.
+        FileExistsError: There is a log of that name: it is not touched, and nothing moves.
         ValueError: A policy that needs a predictor, without one.
     """
     if predictor is None and plan.policy != "constant":
         raise ValueError(f"predictor must be given for policy {plan.policy!r}, not None")
     config, timing = config or GuardConfig(), Timing(period_s=PERIOD_S)
+    path = log_path(folder, plan)  # before anything moves
     prepare(robot, plan.course)
     info = _info(robot, plan, config, about or {})
-    path = folder / f"{plan.name}.mcap"
     policy = _policy(plan, predictor)
     run = RunConfig(max_s=plan.max_s)
     row: dict[str, Any] = {}
     reasons: dict[str, int] = {}
     rows = errors = 0
+    ours = False  # whether the file is this run's
     try:
         with (
             RunWriter(path, info, sync_every_s=NEVER_S) as log,
             _flushed(path),
             closing(drive(robot, plan.course, policy, config, run, timing)) as steps,
         ):
+            ours = True
             for row in steps:
                 log.write(row)
                 rows, errors = rows + 1, errors + (row["slam_error"] != 0)
@@ -219,7 +235,7 @@ def perform(
                 if watch is not None:
                     watch(row)
     finally:
-        if rows == 0 and path.exists():
+        if ours and rows == 0:
             path.unlink()  # it holds nothing, and would stand in the way of the next try
         halt(robot)
     return Walked(
@@ -232,6 +248,31 @@ def perform(
         reasons=reasons,
         timing=timing,
     )
+
+
+def log_path(folder: Path, plan: Plan) -> Path:
+    """Return where the log of a run goes.
+
+    Raises:
+        FileExistsError: There is one of that name; a free one is offered.
+    """
+    path = folder / f"{plan.name}.mcap"
+    if not path.exists():
+        return path
+    said = f"there is a log already, and it stays; free is {numbered(folder, plan).name}"
+    raise FileExistsError(errno.EEXIST, said, str(path))
+
+
+def numbered(folder: Path, plan: Plan) -> Plan:
+    """Return the plan under the first name that is free in a folder: `NAME`, `NAME.2`, `NAME.3`.
+
+    Args:
+        folder: Where logs are.
+        plan: A run.
+    """
+    names = (plan.name if k == 1 else f"{plan.name}.{k}" for k in count(1))
+    free = next(name for name in names if not (folder / f"{name}.mcap").exists())
+    return replace(plan, name=free)
 
 
 @contextmanager
@@ -253,7 +294,7 @@ def _flushed(path: Path) -> Iterator[None]:
         thread.join()
 
 
-def _policy(plan: Plan, predictor: Predictor | None) -> Policy:
+def _policy(plan: Plan, predictor: Forecast | None) -> Policy:
     limits = GainLimits(kp_min=plan.kp_min, kp_max=plan.kp_max)
     config = PolicyConfig(alpha=ALPHA, rule=RunningMax(c=STEP_SHARE))
     return Policy(GAIN_RULES[plan.policy], limits, config, forecast=predictor)

@@ -7,7 +7,6 @@ laid so that the robot stands on the path's first waypoint when `anchor` is call
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import atan2, cos, isfinite, sin
@@ -16,12 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpl.robot import bridge
+from cpl.robot.camera_clock import CameraClock, hear
+from cpl.robot.clock import boottime
 from cpl.robot.interfaces import Fix, Pose, RobotError
-from cpl.robot.ports import Address, drain, receiver
+from cpl.robot.ports import Address, drain_from, receiver
+from cpl.robot.seal import new_key
 
 __all__ = ["Mount", "T265Localizer", "camera_pose"]
 
 Array = NDArray[np.float64]
+AHEAD_S = 0.05  # [s] that a packet may seem to come from the future
 # From ROS axes (x forward, y left, z up) to the camera's (x right, y up, z backward).
 _TO_CAMERA = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
 
@@ -45,21 +48,29 @@ class Mount:
 
 
 class T265Localizer:
-    """Listen to the bridge.
+    """Listen to the bridge, and to it alone.
+
+    Before `anchor` any bridge with the key is heard. Then its address, its run and the camera's
+    start are pinned: what counts from another origin is a fault for the rest of the run.
 
     Args:
         port: Of the loopback interface, where the bridge sends to; 0 for any that is free.
         mount: Where the camera sits.
-        clock: The monotonic clock [s].
+        key: The bridge's; drawn unless given.
+        clock: The computer's time [s].
     """
 
     def __init__(
         self,
         port: int = 0,
         mount: Mount | None = None,
-        clock: Callable[[], float] = time.monotonic,
+        *,
+        key: bytes | None = None,
+        clock: Callable[[], float] = boottime,
     ) -> None:
         self.library = "cpl.robot.bridge"
+        self.key = key or new_key()
+        """What the bridge must seal its packets with."""
         self.refused = 0
         """Packets that were damaged or none of the bridge's."""
         self.late = 0
@@ -67,6 +78,9 @@ class T265Localizer:
         self._socket = receiver(port)
         self._mount, self._clock = mount or Mount(), clock
         self._last: bridge.Pose | None = None
+        self._from: tuple[Address, int, int] | None = None  # sender, its run, the camera's start
+        self._anchored, self._fault = False, ""
+        self._times = CameraClock()
         self._number, self._changed_s, self._slam_error = -1, 0.0, 0
         self._offset: Pose = (0.0, 0.0, 0.0)
 
@@ -91,12 +105,13 @@ class T265Localizer:
             confidence=self._last.confidence,
             slam_error=error,
             changed_s=self._changed_s,
+            fault=self._fault or (self._times.fault if self._anchored else ""),
         )
 
     def anchor(self, pose: Pose) -> None:
         """Let the present place be this pose of the world."""
         self._read()
-        if self._last is None:
+        if self._last is None or self._from is None:
             raise RobotError("the camera has sent no pose yet: is the bridge running?")
         position, turn, _ = _body(self._last, self._mount)
         yaw = pose[2] - _yaw(turn)
@@ -104,6 +119,8 @@ class T265Localizer:
         y = pose[1] - (sin(yaw) * position[0] + cos(yaw) * position[1])
         self._offset = (float(x), float(y), yaw)
         self._slam_error = 0
+        self._anchored, self._times = True, self._times.settled()
+        self._socket.connect(self._from[0])  # from now on nobody else is even heard
 
     def close(self) -> None:
         """Stop listening."""
@@ -111,24 +128,39 @@ class T265Localizer:
 
     def _read(self) -> None:
         now = self._clock()
-        for data in drain(self._socket):
+        for data, sender in drain_from(self._socket):
             try:
-                packet = bridge.decode(data)
+                packet, stamp = bridge.decode(data, self.key)
             except bridge.CameraPacketError:
                 self.refused += 1
                 continue
-            # A bridge that was started again counts from 1: far behind is new, a bit is late.
-            if self._number - 1000 < packet.number <= self._number:
-                self.late += 1
-                continue
-            self._number = packet.number
-            if isinstance(packet, bridge.Warned):
-                self._slam_error = packet.code
-                continue
-            before = self._last
-            self._last = packet
-            if before is None or _numbers(before) != _numbers(packet):
-                self._changed_s = now
+            if stamp.sent_s > now + AHEAD_S:
+                self.refused += 1  # from the future: not of this computer
+            elif self._known((sender, stamp.run, stamp.start)):
+                self._hear(packet, stamp)
+
+    def _known(self, source: tuple[Address, int, int]) -> bool:
+        """Whether a packet counts from the origin that is counted from; before a run, any may."""
+        if source == self._from:
+            return True
+        if self._anchored:
+            self._fault = "the camera or its bridge was started again: its origin is another one"
+            return False
+        self._from, self._number, self._times = source, -1, CameraClock()
+        return True
+
+    def _hear(self, packet: bridge.Pose | bridge.Warned, stamp: bridge.Stamp) -> None:
+        if packet.number <= self._number:
+            self.late += 1
+            return
+        self._number = packet.number
+        if isinstance(packet, bridge.Warned):
+            self._slam_error = packet.code
+            return
+        self._times = hear(self._times, packet.t_s, stamp.sent_s)
+        before, self._last = self._last, packet
+        if before is None or _numbers(before) != _numbers(packet):
+            self._changed_s = self._times.taken_s
 
 
 def camera_pose(

@@ -1,30 +1,38 @@
 """The policy's end of the string: a base that is reached through the watchdog.
 
-If the watchdog itself dies, this end sees it within a step and takes the cable over, to stop.
+Orders are sealed and say what they rest on: the newest report that was read before the policy
+decided. If watchdog and second are both silent, this end kills what is left of them and takes the
+cable over, to stop.
 """
 
 from __future__ import annotations
 
 import json
+import os
+import secrets
+import signal
 import subprocess
 import sys
-import time
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
+from cpl.robot.clock import Clock, RealClock
 from cpl.robot.envelope import Envelope
-from cpl.robot.go1 import Go1Base
 from cpl.robot.interfaces import ZERO, BaseState, Command, Mode, RobotError
-from cpl.robot.packets import Order, PacketError, decode_report, encode
-from cpl.robot.ports import LOOPBACK, Address, drain, free_port, receiver
-from cpl.robot.watchdog import GOOD_BYE, NO_ANSWER
+from cpl.robot.packets import Order, PacketError, Report, decode_report, encode
+from cpl.robot.ports import LOOPBACK, Address, drain_from, free_port, receiver, send
+from cpl.robot.seal import new_key
+from cpl.robot.second import take_over
+from cpl.robot.watchdog import NO_ANSWER
 
 __all__ = ["WatchdogConfig", "WatchedBase", "launch_watchdog"]
 
 START_S = 60.0  # [s] for the process to come up; a busy computer is slow
-SILENT_S = 0.25  # [s] without a report
-RESCUE_S = 0.3  # [s] of zero velocity from this process
+SILENT_S = 0.3  # [s] without a report; the second has acted by then, if there is one
+LEAVE_S = 75.0  # [s] for the watchdog to let the robot stand and go; it persists while unheard
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,12 +42,11 @@ class WatchdogConfig:
     Args:
         robot: The robot's address, as the watchdog sees it.
         library: `auto`, `sdk` or `wire`.
-        local_port: Where the watchdog sends from; the same for its successor.
+        local_port: Where the watchdog sends from; 0 for one that is free. Its successor's too.
         envelope: No larger velocity ever leaves.
         elsewhere: Address of a watchdog that runs on another computer; None to start one here.
-        token: The session's number.
-        folder: For what the watchdog says and counts; None to drop it.
-        rescue: The robot's address as *this* process sees it, for when the watchdog dies.
+        key: Of this run; drawn unless given. A watchdog elsewhere must have the same.
+        folder: For what the watchdog counts; None to drop it.
     """
 
     robot: Address
@@ -47,38 +54,62 @@ class WatchdogConfig:
     local_port: int = 0
     envelope: Envelope = field(default_factory=Envelope)
     elsewhere: Address | None = None
-    token: int = 1
+    key: bytes = field(default_factory=new_key, repr=False)
     folder: Path | None = None
-    rescue: Address | None = None
+
+
+class Process(Protocol):
+    """What is used of `subprocess.Popen`."""
+
+    pid: int
+
+    def poll(self) -> int | None:
+        """Return its exit status; None while it runs."""
+        ...
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end."""
+        ...
 
 
 def launch_watchdog(
     config: WatchdogConfig, listen: Address, stats: Path | None = None
 ) -> subprocess.Popen[bytes]:
-    """Start the watchdog on this computer.
+    """Start a watchdog and its second on this computer.
 
     Args:
-        config: Where the robot is.
+        config: Where the robot is, and the key, which goes over a pipe.
         listen: Where it takes orders.
         stats: Where it writes how regular its stream was.
 
     Returns:
-        The process, in a session of its own: what a terminal sends to the policy, Ctrl-C or a
-        hang-up, does not reach it.
+        The second's process, in a session of its own: what a terminal sends to the policy, Ctrl-C
+        or a hang-up, does not reach it.
     """
-    words = [sys.executable, "-m", "cpl.robot", "--token", str(config.token)]
-    words += ["--robot", "{}:{}".format(*config.robot), "--listen", "{}:{}".format(*listen)]
-    words += ["--library", config.library, "--local-port", str(config.local_port)]
-    words += ["--v-max", repr(config.envelope.v_max_mps)]
-    words += ["--yaw-max", repr(config.envelope.yaw_rate_max_radps)]
-    words += [] if stats is None else ["--stats", str(stats)]
-    return subprocess.Popen(
-        words,
-        stdin=subprocess.DEVNULL,
+    process = subprocess.Popen(
+        [sys.executable, "-m", "cpl.robot", *watchdog_words(config, listen, stats)],
+        stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         start_new_session=True,
     )
+    assert process.stdin is not None  # it is a pipe
+    with suppress(BrokenPipeError):  # it ended already; what it said is asked for later
+        process.stdin.write(config.key.hex().encode() + b"\n")
+        process.stdin.close()
+    return process
+
+
+def watchdog_words(config: WatchdogConfig, listen: Address, stats: Path | None) -> list[str]:
+    """Return the words of a watchdog's command line; there is nothing secret in them."""
+    words = ["--robot", "{}:{}".format(*config.robot), "--listen", "{}:{}".format(*listen)]
+    words += ["--library", config.library, "--local-port", str(config.local_port)]
+    words += ["--v-max", repr(config.envelope.v_max_mps)]
+    words += ["--yaw-max", repr(config.envelope.yaw_rate_max_radps)]
+    return words + ([] if stats is None else ["--stats", str(stats)])
+
+
+Launch = Callable[[WatchdogConfig, Address, Path | None], Process]
 
 
 class WatchedBase:
@@ -86,64 +117,98 @@ class WatchedBase:
 
     Args:
         config: Where both are.
+        clock: The time.
+        launch: Starts a watchdog that is not elsewhere.
 
     Raises:
         RobotError: The watchdog does not come up; its own words are in the message.
     """
 
-    def __init__(self, config: WatchdogConfig) -> None:
+    def __init__(
+        self,
+        config: WatchdogConfig,
+        *,
+        clock: Clock | None = None,
+        launch: Launch = launch_watchdog,
+    ) -> None:
         self.library = "none yet"
-        self._config, self._number = config, 0
-        self._socket = receiver(0, "" if config.elsewhere else LOOPBACK)
-        self._process: subprocess.Popen[bytes] | None = None
-        self._state: BaseState | None = None
-        self._report_s = time.monotonic()
-        self._last_report = 0
         self.refused = 0
         """Datagrams of the robot that the watchdog could not read."""
-        self._gone, self._closed = "", False
+        self._clock = clock or RealClock()
+        self._hello, self._number = secrets.randbits(63) + 1, 0
+        self._report: Report | None = None
+        self._report_s = self._basis_s = 0.0
+        self._state: BaseState | None = None
+        self._gone, self._closed, self._asked = "", False, False
+        if config.elsewhere is None and config.local_port == 0:
+            config = replace(config, local_port=free_port())
+        self._config = config
+        self._socket = receiver(0, "" if config.elsewhere else LOOPBACK)
         self._to = config.elsewhere or (LOOPBACK, free_port())
+        self._process: Process | None = None
         if config.elsewhere is None:
-            self._process = self._start()
+            self._process = launch(config, self._to, self._stats)
         self._meet()
 
     @property
     def pid(self) -> int | None:
-        """The watchdog's process; None if it runs elsewhere."""
+        """The watchdog's process, on the computer that it runs on."""
+        return self._report.pid if self._report else None
+
+    @property
+    def second(self) -> int | None:
+        """The process of the watchdog's second; None if it runs elsewhere."""
         return self._process.pid if self._process else None
 
     def send(self, mode: Mode, command: Command = ZERO) -> None:
-        """Order; if the watchdog is gone, stop the robot from here and order nothing."""
+        """Order; if the watchdog is gone, stop the robot from here and order nothing.
+
+        A velocity rests on what `state` returned last. Zero rests on nothing but this moment.
+        """
         self._look()
-        if self._gone:
+        if self._gone or self._report is None:
             return
-        self._number += 1
-        order = Order(token=self._config.token, number=self._number, mode=mode, command=command)
-        self._send(order)
+        if command == ZERO:
+            self._basis_s = self._report.sent_s
+        self._asked = True
+        self._order(mode, command)
 
     def state(self) -> BaseState | None:
         """Return the newest state that was reported; None before there is one."""
         self._look()
+        if self._report is not None:
+            self._basis_s = self._report.sent_s
         if self._state is not None and self._gone and not self._state.tripped:
-            self._state = BaseState(**{**self._state.__dict__, "tripped": self._gone})
+            self._state = replace(self._state, tripped=self._gone)
         return self._state
 
     def close(self) -> None:
         """Say good-bye and wait until the watchdog has let the robot stand."""
         if self._closed:
             return
+        self._look()
         self._closed = True
-        bye = Order(token=self._config.token, number=GOOD_BYE, mode=Mode.STAND, command=ZERO)
         for _ in range(3):
-            self._send(bye)
+            self._order(Mode.STAND, last=True)
         if self._process is not None:
-            try:
-                self._process.wait(timeout=10)
-            except subprocess.TimeoutExpired:
-                self._process.terminate()
-            if self._process.stderr is not None:
-                self._process.stderr.close()
+            self._see_off(self._process)
+            _shut(self._process)
         self._socket.close()
+
+    def _see_off(self, process: Process) -> None:
+        """Wait until the watchdog has left; stop the robot from here if it hangs."""
+        end = self._clock.now() + LEAVE_S
+        while process.poll() is None:
+            now = self._clock.now()
+            self._clock.wait(now + 0.02)
+            self._read()
+            silent = now - self._report_s > SILENT_S and not self._stands()
+            if silent or now > end:
+                self._take_over()
+
+    def _stands(self) -> bool:
+        """Whether the watchdog said that it is done; then it is silent because it left."""
+        return self._report is not None and bool(self._report.tripped)
 
     def stats(self) -> dict[str, float]:
         """Return how regular the watchdog's stream was; empty if it did not say."""
@@ -157,50 +222,55 @@ class WatchedBase:
     def _stats(self) -> Path | None:
         return None if self._config.folder is None else self._config.folder / "watchdog.json"
 
-    def _start(self) -> subprocess.Popen[bytes]:
-        return launch_watchdog(self._config, self._to, self._stats)
-
     def _meet(self) -> None:
-        """Order "stand" until a report comes."""
-        begun = time.monotonic()
-        while self._last_report == 0:
-            self._number += 1
-            self._send(
-                Order(token=self._config.token, number=self._number, mode=Mode.STAND, command=ZERO)
-            )
-            time.sleep(0.02)
+        """Greet until a report comes. Nothing is asked of the robot."""
+        begun = due = self._clock.now()
+        while self._report is None:
+            self._order(Mode.IDLE)
+            due += 0.02
+            self._clock.wait(due)
             self._read()
             died = self._process is not None and self._process.poll() is not None
-            if died or time.monotonic() - begun > START_S:
+            if self._report is None and (died or self._clock.now() - begun > START_S):
                 said = self._said() if died else f"nothing heard from {self._to} in {START_S} s"
                 self._closed = True
                 self._socket.close()
-                if self._process is not None:
-                    self._process.kill()
-                    self._process.communicate()
+                self._kill()
                 raise RobotError(f"the watchdog did not come up: {said}")
+        self._order(Mode.IDLE)  # from now on it obeys nobody else
 
     def _said(self) -> str:
-        words = self._process.stderr if self._process is not None else None
+        words = getattr(self._process, "stderr", None)
         said = b"" if words is None else words.read()
         return said.decode(errors="replace").strip() or "it said nothing"
 
-    def _send(self, order: Order) -> None:
-        try:
-            self._socket.sendto(encode(order), self._to)
-        except (BlockingIOError, ConnectionRefusedError, OSError):
-            return  # a lost order; silence is noticed by both ends
+    def _order(self, mode: Mode, command: Command = ZERO, *, last: bool = False) -> None:
+        self._number += 1
+        order = Order(
+            run=self._report.run if self._report else 0,
+            hello=self._hello,
+            number=self._number,
+            heard_s=self._basis_s,
+            mode=mode,
+            command=command,
+            last=last,
+        )
+        send(self._socket, encode(order, self._config.key), self._to)
 
     def _read(self) -> None:
-        now = time.monotonic()
-        for data in drain(self._socket):
+        now = self._clock.now()
+        for data, sender in drain_from(self._socket):
             try:
-                report = decode_report(data)
+                report = decode_report(data, self._config.key)
             except PacketError:
                 continue
-            if report.token != self._config.token or report.number <= self._last_report:
+            if sender != self._to or report.hello != self._hello:
                 continue
-            self._last_report, self._report_s = report.number, now
+            if self._report is not None and (
+                report.run != self._report.run or report.number <= self._report.number
+            ):
+                continue
+            self._report, self._report_s = report, now
             self.library, self.refused = report.library, report.refused
             if report.mode != NO_ANSWER:
                 self._state = BaseState(
@@ -218,27 +288,37 @@ class WatchedBase:
         if self._gone or self._closed:
             return
         self._read()
+        silent_s = self._clock.now() - self._report_s
         dead = self._process is not None and self._process.poll() is not None
-        silent = time.monotonic() - self._report_s > SILENT_S
-        if not (dead or silent):
+        if silent_s <= (SILENT_S / 3 if dead else SILENT_S):
             return
         self._gone = "the watchdog died" if dead else "the watchdog is silent"
-        if dead and not (self._state and self._state.tripped):
-            self._rescue()
+        if not (self._report and self._report.tripped):
+            self._take_over()
 
-    def _rescue(self) -> None:
-        """Take the cable over and stop the robot."""
-        base = Go1Base(
-            self._config.rescue or self._config.robot,
-            library=self._config.library,
-            local_port=self._config.local_port,
-            envelope=self._config.envelope,
-        )
-        end = time.monotonic() + RESCUE_S
-        while time.monotonic() < end:
-            base.send(Mode.WALK, ZERO)
-            time.sleep(0.005)
-        for _ in range(20):
-            base.send(Mode.STAND)
-            time.sleep(0.005)
-        base.close()
+    def _take_over(self) -> None:
+        """Kill what is left of the watchdog, so that its port is free, and stop the robot."""
+        if self._process is None:
+            return  # it is elsewhere, and so is its second
+        self._kill()
+        if self._asked:
+            take_over(
+                self._config.robot,
+                self._config.local_port,
+                clock=self._clock.now,
+            )
+
+    def _kill(self) -> None:
+        """Kill watchdog and second: they are a session of their own."""
+        if self._process is None:
+            return
+        with suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        _shut(self._process)
+
+
+def _shut(process: Process) -> None:
+    words = getattr(process, "stderr", None)
+    if words is not None:
+        words.close()

@@ -100,23 +100,35 @@ class Settings:
         for name, allowed in ranges_of(type(self)).items():
             value = getattr(self, name)
             members = value if isinstance(value, tuple) else (value,)
-            if any(member not in allowed for member in members):
-                each = "each member of " if isinstance(value, tuple) else ""
-                msg = f"{each}{name} must be in {allowed}, got {value!r}"
-                raise ValueError(msg)
+            for member in members:
+                if member not in allowed:
+                    raise ValueError(f"{name} must be in {allowed}, got {member!r}")
 
 
 @lru_cache(maxsize=256)
 def ranges_of(settings: type) -> Mapping[str, Interval | Choice]:
-    """Return the ranges that the fields of a class are annotated with, by field."""
-    hints: dict[str, Any] = get_type_hints(settings, include_extras=True)
-    return {
-        name: extra
-        for name, hint in hints.items()
-        if get_origin(hint) is Annotated
-        for extra in get_args(hint)[1:]
-        if isinstance(extra, (Interval, Choice))
-    }
+    """Return the ranges that the fields of a class are annotated with, by field.
+
+    A subclass that gives a field another default keeps the range.
+    """
+    found: dict[str, Interval | Choice] = {}
+    for one in reversed(settings.__mro__):
+        if "__annotations__" not in vars(one):
+            continue
+        hints: dict[str, Any] = get_type_hints(one, include_extras=True)
+        for name in vars(one)["__annotations__"]:
+            for extra in _extras(hints[name]):
+                found[name] = extra
+    return found
+
+
+def _extras(hint: Any) -> list[Interval | Choice]:  # noqa: ANN401 - a type
+    """Return the ranges in an annotation, be they of the members of a tuple."""
+    if get_origin(hint) is Annotated:
+        return [extra for extra in get_args(hint)[1:] if isinstance(extra, (Interval, Choice))]
+    if get_origin(hint) is tuple:
+        return _extras(get_args(hint)[0])
+    return []
 
 
 def _plain(end: float) -> str:

@@ -11,10 +11,7 @@ from scipy import stats as sp
 
 __all__ = [
     "Estimate",
-    "LawCheck",
-    "check_law",
     "mean_interval",
-    "paired_difference",
     "proportion",
     "rank_correlation",
     "split_conformal_law",
@@ -29,23 +26,6 @@ class Estimate:
     value: float
     low: float
     high: float
-    n: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class LawCheck:
-    """How far a sample is from a stated law.
-
-    Attributes:
-        mean_z: (sample mean - mean of the law) / its standard error.
-        variance_z: The same for the variance, with the law's own fourth moment.
-        ks_p: p-value of the two-sided Kolmogorov-Smirnov test.
-        n: Sample size.
-    """
-
-    mean_z: float
-    variance_z: float
-    ks_p: float
     n: int
 
 
@@ -97,60 +77,6 @@ def mean_interval(sample: ArrayLike, *, confidence: float = 0.95) -> Estimate:
     half = sp.t.ppf((1 + confidence) / 2, values.size - 1) * sp.sem(values)
     mean = float(values.mean())
     return Estimate(value=mean, low=mean - float(half), high=mean + float(half), n=values.size)
-
-
-def paired_difference(
-    treated: ArrayLike,
-    control: ArrayLike,
-    rng: np.random.Generator,
-    *,
-    confidence: float = 0.95,
-    resamples: int = 9_999,
-) -> Estimate:
-    """Return mean(treated) - mean(control) with a paired bootstrap interval (BCa).
-
-    Pairs are resampled together, which is what common random numbers (the same environment seed
-    under two policies) are for.
-
-    Args:
-        treated: Values under the first condition, shape (n,), n >= 2.
-        control: Values of the same units under the second condition, shape (n,).
-        rng: Where the resamples come from.
-        confidence: Coverage of the interval, in (0, 1).
-        resamples: Number of bootstrap resamples.
-
-    Raises:
-        ValueError: If the two are not finite vectors of one length.
-
-    Examples:
-        Every pair differs by exactly 1, so there is nothing to be uncertain about:
-
-        >>> paired_difference([2.0, 5.0, 9.0], [1.0, 4.0, 8.0], np.random.default_rng(0))
-        Estimate(value=1.0, low=1.0, high=1.0, n=3)
-    """
-    _check_confidence(confidence)
-    x, y = _vector("treated", treated), _vector("control", control)
-    if x.shape != y.shape:
-        msg = f"control must have the shape of treated {x.shape}, got {y.shape}"
-        raise ValueError(msg)
-
-    def difference(a: NDArray[np.float64], b: NDArray[np.float64], axis: int = -1) -> Any:  # noqa: ANN401
-        return np.mean(a, axis=axis) - np.mean(b, axis=axis)
-
-    value = float(difference(x, y))
-    if np.all(x - y == x[0] - y[0]):  # SciPy's BCa divides by the spread, which is zero here
-        return Estimate(value=value, low=value, high=value, n=x.size)
-    interval = sp.bootstrap(
-        (x, y),
-        difference,
-        paired=True,
-        vectorized=True,
-        n_resamples=resamples,
-        confidence_level=confidence,
-        method="BCa",
-        rng=rng,
-    ).confidence_interval
-    return Estimate(value=value, low=float(interval.low), high=float(interval.high), n=x.size)
 
 
 def rank_correlation(x: ArrayLike, y: ArrayLike, *, confidence: float = 0.95) -> Estimate:
@@ -251,32 +177,6 @@ def split_conformal_law(n: int, alpha: float) -> Any:  # noqa: ANN401 - SciPy's 
         msg = f"n must be at least 1/alpha - 1 for a finite threshold, got n={n}, alpha={alpha}"
         raise ValueError(msg)
     return sp.beta(k, n + 1 - k)
-
-
-def check_law(sample: ArrayLike, law: Any) -> LawCheck:  # noqa: ANN401 - SciPy's frozen law
-    """Compare a sample with a continuous law: its mean, its variance, its whole shape.
-
-    Args:
-        sample: Independent draws, shape (n,), n >= 2.
-        law: A frozen SciPy distribution with four moments.
-
-    Raises:
-        ValueError: If the sample is not a vector of at least two finite numbers.
-
-    Examples:
-        >>> grid = (np.arange(1000) + 0.5) / 1000  # as uniform as it can be
-        >>> check_law(grid, sp.uniform()).ks_p
-        1.0
-    """
-    values = _vector("sample", sample)
-    mean, variance, kurtosis = (float(m) for m in law.stats(moments="mvk"))
-    n = values.size
-    return LawCheck(
-        mean_z=float((values.mean() - mean) / np.sqrt(variance / n)),
-        variance_z=float((values.var() - variance) / (variance * np.sqrt((kurtosis + 2) / n))),
-        ks_p=float(sp.kstest(values, law.cdf).pvalue),
-        n=n,
-    )
 
 
 def _vector(name: str, values: ArrayLike) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""How long episodes last when some are cut off by the clock: Kaplan-Meier, log-rank, the mean."""
+"""How long episodes last when some are cut off by the clock: Kaplan and Meier's curve."""
 
 import warnings
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats as sp
 
-__all__ = ["SurvivalCurve", "logrank", "restricted_mean", "survival"]
+__all__ = ["SurvivalCurve", "survival"]
 
 Floats = NDArray[np.float64]
 
@@ -66,54 +66,6 @@ def survival(
         low=np.where(low < 0, alive, low),
         high=np.where(high < 0, alive, high),
     )
-
-
-def restricted_mean(durations: ArrayLike, crashed: ArrayLike, *, horizon: float) -> float:
-    r"""Return the mean duration up to a horizon: the area under the survival curve.
-
-    .. math:: \int_0^H S(t)\, dt
-
-    Where every episode is cut off at the horizon itself, this is the plain mean.
-
-    Args:
-        durations: As in ``survival``.
-        crashed: As in ``survival``.
-        horizon: Where the area ends [s], > 0.
-
-    Examples:
-        >>> restricted_mean([1.0, 2.0, 4.0, 4.0], [True, True, False, False], horizon=4.0)
-        2.75
-    """
-    if not horizon > 0:
-        msg = f"horizon must be > 0 s, got {horizon!r}"
-        raise ValueError(msg)
-    curve = survival(durations, crashed)
-    inside = curve.time < horizon
-    edges = np.concatenate([[0.0], curve.time[inside], [horizon]])
-    levels = np.concatenate([[1.0], curve.alive[inside]])
-    return float(np.sum(np.diff(edges) * levels))
-
-
-def logrank(
-    first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, ArrayLike]
-) -> tuple[float, float]:
-    """Test whether two groups of episodes last equally long, over all times.
-
-    Args:
-        first: Durations and crashes of one group.
-        second: Of the other.
-
-    Returns:
-        The statistic (negative if the first group crashes less than expected) and the two-sided
-        p-value.
-
-    Examples:
-        >>> group = ([1.0, 2.0, 3.0], [True, True, False])
-        >>> logrank(group, group)
-        (0.0, 1.0)
-    """
-    result: Any = sp.logrank(_censored(*first), _censored(*second))
-    return float(result.statistic), float(result.pvalue)
 
 
 def _censored(durations: ArrayLike, crashed: ArrayLike) -> Any:  # noqa: ANN401 - SciPy's class

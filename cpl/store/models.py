@@ -67,8 +67,8 @@ def encode_model(arrays: Mapping[str, NDArray[Any]], config: Mapping[str, Any]) 
             msg = f"array {name!r} must be finite, got {int((~np.isfinite(array)).sum())} others"
             raise ValueError(msg)
         kept[name] = array
-    told = plain(config)
-    entry = canonical_json({"config": told, "digest": _digest(kept, told)})
+    plain_config = plain(config)
+    entry = canonical_json({"config": plain_config, "digest": _digest(kept, plain_config)})
     return save(kept, metadata={_ENTRY: entry})
 
 

@@ -4,6 +4,8 @@ import os
 import tempfile
 from pathlib import Path
 
+from cpl.environ import kept_path
+
 __all__ = ["atomic_write", "data_path", "project_root", "work_path"]
 
 
@@ -45,9 +47,12 @@ def data_path(*parts: str) -> Path:
 
 
 def work_path() -> Path:
-    """Return the folder of the work layer: ``$CPL_STORE``, else ``_build/store`` of the project."""
+    """Return the folder of the work layer: ``$CPL_STORE``, else ``_build/store`` of the project.
+
+    Without a project, or where it cannot be written, it is in the user's data folder.
+    """
     chosen = os.environ.get("CPL_STORE")
-    return Path(chosen).resolve() if chosen else project_root() / "_build" / "store"
+    return Path(chosen).resolve() if chosen else kept_path("store")
 
 
 def atomic_write(path: Path | str, content: bytes | str) -> Path:

@@ -68,9 +68,9 @@ def taken_out(
                 raise ValueError(msg)
             for value in models:
                 file = _file(shelf, shard.name)
-                told = {"shard": shard.name, "sha256": sha256(value).hexdigest()}
-                told |= {"config": decode_model(value).config}
-                text = json.dumps(plain({**about, **told}), indent=1, sort_keys=True)
+                entry = {"shard": shard.name, "sha256": sha256(value).hexdigest()}
+                entry |= {"config": decode_model(value).config}
+                text = json.dumps(plain({**about, **entry}), indent=1, sort_keys=True)
                 files |= {file: value, file.with_suffix(".json"): text + "\n"}
     return lean, files
 
@@ -94,7 +94,9 @@ def put_back(
         values: list[bytes] = []
         for shard in shards:
             rows = lean[name].iloc[shard.first_row : shard.first_row + shard.rows]
-            values += [_read(_file(shelf, shard.name), told) if told else b"" for told in rows]
+            values += [
+                _read(_file(shelf, shard.name), digest) if digest else b"" for digest in rows
+            ]
         table = table.assign(**{name: pd.Series(values, dtype=object)})
     return table
 
@@ -106,14 +108,14 @@ def _file(shelf: Path, shard: str) -> Path:
     return shelf / f"{shard}.safetensors"
 
 
-def _read(file: Path, told: str) -> bytes:
+def _read(file: Path, digest: str) -> bytes:
     where = f"{file.parent.name}/{file.name}"
     try:
         content = file.read_bytes()
     except FileNotFoundError as error:
         msg = f"the model {where} is missing"
         raise MisplacedModelError(msg) from error
-    if sha256(content).hexdigest() != told:
+    if sha256(content).hexdigest() != digest:
         msg = f"{where} does not agree with the SHA-256 in its table"
         raise MisplacedModelError(msg)
     return content

@@ -28,7 +28,7 @@ __all__ = [
 # module coverage in one of the folders of cpl.experiments although it never imports it. What such a
 # module binds tells it from those that experiments share.
 _BY_NAME = {"cpl.experiments": ("compute", "published", "verify")}
-_MARK = "run_shard"
+_MARK = "EXPERIMENT"
 
 
 def cpl_imports(code: str, *, root: Path | None = None) -> tuple[str, ...]:

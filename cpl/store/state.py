@@ -46,7 +46,7 @@ def today() -> str:
 def _git(*words: str) -> str | None:
     try:
         done = subprocess.run(
-            ["git", *words], cwd=project_root(), capture_output=True, text=True, check=False
+            ["git", *words], cwd=project_root(), capture_output=True, encoding="utf-8", check=False
         )
     except FileNotFoundError:  # no git on this machine
         return None

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from cpl.publish.live import tracker_vectors
 from cpl.store import project_root
+from tests.publish.vectors import tracker_vectors
 
 pytestmark = pytest.mark.browser
 

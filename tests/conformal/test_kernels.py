@@ -5,7 +5,7 @@ import pytest
 
 from cpl.conformal import Fixed, _kernels, rules, sequence, track, track_exact, track_many
 
-COMPILED = ["decay", "follow", "follow_counts", "follow_lanes", "follow_lanes_late", "follow_pi",
+COMPILED = ["decay", "follow", "follow_counts", "follow_lanes", "follow_pi",
             "rolling_max"]  # fmt: skip
 
 

@@ -29,7 +29,11 @@ OUTCOMES = ("refused", "recovered", "harmless", "silent")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Row:
-    """One kind of fault in one place, and how its attempts ended."""
+    """One kind of fault in one place, and how its attempts ended.
+
+    `worst_mb` and `worst_s` are the most memory [MB] and processor time [s] that one of them took,
+    where that is measured.
+    """
 
     place: str
     fault: str
@@ -38,6 +42,8 @@ class Row:
     recovered: int
     harmless: int
     silent: int
+    worst_mb: float | None = None
+    worst_s: float | None = None
 
 
 def tally(place: str, fault: str, outcomes: Iterable[str]) -> Row:
@@ -75,8 +81,8 @@ def write(path: Path, topic: str, rows: Iterable[Row], about: dict[str, Any]) ->
 
 def table(rows: Iterable[Row]) -> str:
     """Show the rows."""
-    head = ("place", "fault", "tried", *OUTCOMES)
-    lines = [head, *(tuple(map(str, dataclasses.astuple(row))) for row in rows)]
+    head = ("place", "fault", "tried", *OUTCOMES, "MB", "s")
+    lines = [head, *(tuple(map(_shown, dataclasses.astuple(row))) for row in rows)]
     widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
     shown = []
     for line in lines:
@@ -86,3 +92,7 @@ def table(rows: Iterable[Row]) -> str:
         ]
         shown.append("  ".join(words).rstrip())
     return "\n".join(shown)
+
+
+def _shown(value: object) -> str:
+    return "" if value is None else str(value)

@@ -77,7 +77,7 @@ def test_tables_have_a_line_each(found):
 
 
 def test_a_resumed_run_says_so(found):
-    assert "went on" in reproduced.Reproduction({**found.told, "resumed": True}).when()
+    assert "went on" in reproduced.Reproduction({**found.report, "resumed": True}).when()
 
 
 def test_without_a_report_every_part_says_that_there_is_none(tmp_path):

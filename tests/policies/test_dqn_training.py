@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 import torch
 
+from cpl.experiments.trained.learner_check import EXPERIMENT as CHECK
 from cpl.experiments.trained.learner_check import Config as Check
 from cpl.experiments.trained.learner_check import compare
-from cpl.experiments.trained.learner_check import run_shard as check_shard
-from cpl.experiments.trained.learner_check import shards as check_shards
 from cpl.highway import PAPER, Config
 from cpl.policies.dqn import DivergedError, DQNConfig, train
 from cpl.policies.dqn.compiled import train_compiled
@@ -143,7 +142,7 @@ def test_trainings_of_both_learners_are_alike():
 def compare_all(config):
     import pandas as pd
 
-    return compare(pd.concat([check_shard(config, shard) for shard in check_shards(config)]))
+    return compare(pd.concat([CHECK.run(config, shard) for shard in CHECK.shards(config)]))
 
 
 def test_the_learners_agree_through_a_wrapper_too():

@@ -4,9 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cpl.policies.effects import beside, contrast, difference, over_pairs, p_of
+from cpl.policies.effects import beside, contrast, difference, over_pairs
 from cpl.policies.measures import SUMS
-from cpl.stats import Estimate
 
 
 def rows(method, *, duration, crash=0.5, speed=25.0, pairs=4, blocks=5, level=0, noise=0.0):
@@ -68,10 +67,3 @@ def test_a_point_below_the_curve_at_its_own_speed():
 def test_one_pair_has_no_interval():
     assert over_pairs(pd.Series([2.0])).high == np.inf
     assert over_pairs(pd.Series([2.0, np.nan, 4.0])).value == 3.0
-
-
-def test_the_p_value_agrees_with_the_interval():
-    inside = p_of(Estimate(value=1.0, low=0.1, high=1.9, n=4))
-    outside = p_of(Estimate(value=1.0, low=-0.1, high=2.1, n=4))
-    assert inside < 0.05 < outside
-    assert p_of(Estimate(value=0.0, low=0.0, high=0.0, n=4)) == 1.0

@@ -12,11 +12,12 @@ from cpl.claims import _ledger, ledger
 from cpl.experiments import published
 from cpl.experiments.listen import replays
 from cpl.policies.measures import SUMS
-from cpl.publish.live import as_script, files_for_page, files_for_site, tracker_vectors
+from cpl.publish.live import as_script, files_for_page, files_for_site
 from cpl.publish.live._pareto import points
 from cpl.publish.live._rides import FRAMES_PER_SECOND, opening_moments, ride_scripts, scenes
 from cpl.store import project_root
 from tests.node import node
+from tests.publish.vectors import tracker_vectors
 
 STATIC = project_root() / "book" / "_static" / "live"
 
@@ -119,8 +120,8 @@ NOT_TRAFFIC = ["policy", "action", "l_tilde", "l_hat", "q", "safe"]
 
 def test_a_ride_is_recorded_the_same_way_twice():
     config = replays.PROFILES["smoke"]
-    (shard,) = replays.shards(config)
-    once, twice = (replays.run_shard(config, shard) for _ in range(2))
+    (shard,) = replays.EXPERIMENT.shards(config)
+    once, twice = (replays.EXPERIMENT.run(config, shard) for _ in range(2))
     pd.testing.assert_frame_equal(once, twice)
     assert set(once["policy"]) == {"speed", "switch", "safe"}
     ends = once.query("car == 0").groupby("policy")["time_s"].max()

@@ -93,5 +93,5 @@ def test_each_run_goes_to_a_folder_of_its_own(project):
     first = new_folder(root, chapter, {"note": "../../x y"})
     assert first.parent == root / "_build" / "runs" / "small"
     assert re.fullmatch(r"\d{8}T\d{6}_note-[\w.-]+", first.name)
-    first.mkdir(parents=True)
+    assert first.is_dir()  # made, so that no other run of this second takes it
     assert new_folder(root, chapter, {"note": "../../x y"}) != first

@@ -9,8 +9,6 @@ from cpl.quadruped.controller import (
     Limits,
     advance,
     arrived,
-    nearest_waypoint,
-    printed_command,
     saturate,
     velocity_command,
     wrap_angle,
@@ -30,6 +28,11 @@ def drive(command_of, pose, waypoint, seconds=4.0, dt=0.1):
         y += (np.sin(yaw) * v_x + np.cos(yaw) * v_y) * dt
         yaw += rate * dt
     return x, y, yaw
+
+
+def printed_command(pose, waypoint, kp):
+    """Section V-A, literally: wrong sign, world-frame components, no wrap."""
+    return tuple(kp * (here - there) for here, there in zip(pose, waypoint, strict=True))
 
 
 @pytest.mark.parametrize(
@@ -66,7 +69,8 @@ def test_the_literal_nearest_waypoint_stalls():
     path = polyline([(0, 0), (2, 0)], spacing_m=0.25)
     pose = (0.0, 0.0, 0.0)
     for _ in range(100):
-        target = path.waypoints[nearest_waypoint(pose, path)]
+        nearest = np.argmin(np.hypot(*(path.waypoints[:, :2] - pose[:2]).T))
+        target = path.waypoints[nearest]
         v_x, v_y, _ = velocity_command(pose, target, 1.5)
         pose = (pose[0] + 0.1 * v_x, pose[1] + 0.1 * v_y, 0.0)
     assert pose == (0.0, 0.0, 0.0)

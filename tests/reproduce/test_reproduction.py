@@ -52,7 +52,7 @@ def test_a_plan_takes_one_training_seed_and_the_papers_sizes(steps):
     assert not plan("paper", ["penalty_grid"])[0].whole
     (pareto,) = plan("paper", ["pareto"])  # the first pair, not the second
     assert pareto.job.config.first_pair == 0
-    with pytest.raises(ValueError, match="no experiment 'pathwisee', did you mean 'pathwise'"):
+    with pytest.raises(ValueError, match="no experiment 'pathwisee'; did you mean 'pathwise'"):
         plan("paper", ["pathwisee"])
     with pytest.raises(ValueError, match="no experiment 'pathwisee'"):
         plan("paper", without=["pathwisee"])

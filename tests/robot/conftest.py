@@ -7,7 +7,9 @@ import subprocess
 import sys
 import textwrap
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -15,6 +17,8 @@ import pytest
 from cpl.optional import look
 from cpl.robot import Envelope, GuardConfig, Mode, within
 from cpl.robot.emulator import Ideal, LockStep
+
+PROCESSES = ("watchdog", "second", "emulator")
 
 VICTIM = textwrap.dedent(
     """
@@ -40,7 +44,8 @@ VICTIM = textwrap.dedent(
                       software_camera=False)
     with Operator() as operator, emulated(config, folder, operator) as stage:
         base = stage.base
-        said(phase="standing", watchdog=base.pid, emulator=stage.emulator.pid)
+        said(phase="standing", watchdog=base.pid, second=stage.second, emulator=stage.emulator.pid,
+             camera=stage.robot.localizer.address[1])
         stage.robot.base.send(1)
         time.sleep(0.15)
 
@@ -51,6 +56,9 @@ VICTIM = textwrap.dedent(
                 stage.cut()
             if (folder / "raise").exists():
                 raise ZeroDivisionError("for a test")
+            if (folder / "pause").exists():
+                (folder / "pause").unlink()
+                time.sleep(3)
 
         with urgent():
             walked = perform(stage.robot, plan, folder, watch=watch)
@@ -97,7 +105,7 @@ class Session:
         for line in self.process.stdout:
             words = json.loads(line)
             self.said.append(words)
-            self.pids.update({k: v for k, v in words.items() if k in ("watchdog", "emulator")})
+            self.pids.update({k: v for k, v in words.items() if k in PROCESSES})
             if words["phase"] == phase:
                 return words
         raise AssertionError(f"never {phase}: {self.said}\n{self.process.stderr.read()}")
@@ -106,6 +114,14 @@ class Session:
         """Send a signal and return when."""
         os.kill(self.process.pid if whom == "policy" else self.pids[whom], number)
         return time.monotonic()
+
+    def state(self, whom):
+        """Return the state of a process as the kernel gives it; `gone` if there is none."""
+        pid = self.process.pid if whom == "policy" else self.pids[whom]
+        try:
+            return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+        except FileNotFoundError:
+            return "gone"
 
     def box(self):
         """Return what reached the robot."""
@@ -121,10 +137,14 @@ class Session:
             if stood and after[-1]["mode"] == Mode.STAND and after[-1]["t"] - stood[0] > 0.2:
                 break
             time.sleep(0.1)
-        moved = max([each["t"] for each in self.box() if any(each["v"])], default=0.0)
-        stands = [each["t"] for each in self.box() if each["t"] > max(then, moved)]
-        zero_s = stands[0] - then if stands else float("inf")
-        return zero_s, (stood[0] - then if stood else float("inf"))
+        box = self.box()
+        stood = [e["t"] for e in box if e["t"] > then and e["mode"] == Mode.STAND]
+        stand_s = stood[0] - then if stood else float("inf")
+        # A velocity holds until the next command.
+        until = [b["t"] for a, b in pairwise(box) if any(a["v"])]
+        if box and any(box[-1]["v"]):
+            return float("inf"), stand_s
+        return max([t - then for t in until if t > then], default=0.0), stand_s
 
 
 @pytest.fixture
@@ -151,17 +171,9 @@ def session(tmp_path):
             each.process.kill()
         each.process.communicate()
         for pid in each.pids.values():
-            if pid is not None and running(pid):
-                os.kill(pid, signal.SIGTERM)
-
-
-def running(pid):
-    """Whether a process is there."""
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return True
+            for number in (signal.SIGCONT, signal.SIGTERM):
+                with suppress(ProcessLookupError):
+                    os.kill(pid, number)
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ from cpl.quadruped import polyline
 from cpl.robot import GuardConfig, RobotError, collection
 from cpl.robot.checklist import QUESTIONS, before, connected
 from cpl.robot.clock import Timing, histogram, urgent
-from cpl.robot.drill import WHAT_TO_DO, drill
-from cpl.robot.emulator import FAULTS, Fault
+from cpl.robot.drill import WHAT, WHAT_TO_DO, drill
+from cpl.robot.emulator import Fault
 from cpl.robot.processes import camera_library
 from cpl.robot.rehearsal import Rehearsal, accelerated, train_on
 from cpl.robot.view import View, panel
@@ -78,11 +78,11 @@ def test_the_questions_are_for_people():
 
 
 def test_every_fault_has_something_to_do_and_stays_inside():
-    assert set(WHAT_TO_DO) == set(FAULTS)
+    assert set(WHAT_TO_DO) == set(WHAT)
     table = drill(["cut", "jump", "duplicated"])
-    assert table["outcome"].tolist() == ["link", "timeout", "timeout"]
+    assert table["outcome"].tolist() == ["watchdog", "odometry", "timeout"]
     assert (table["fastest_mps"] <= 1.0).all()
-    assert table["stopped_s"].isna().tolist() == [False, False, True]
+    assert table["zero_s"].isna().tolist() == [False, False, True]
 
 
 def test_the_panel_shows_what_is_asked_for():

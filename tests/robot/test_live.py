@@ -2,18 +2,25 @@
 
 import json
 import os
+import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
 from cpl.logs import read_run
-from cpl.robot import Mode, RobotError, WatchdogConfig, WatchedBase, free_port
+from cpl.robot import Mode, RobotError, WatchdogConfig, WatchedBase, boottime, free_port
 from cpl.robot.emulator.relay import Relay
+from cpl.robot.packets import Order, decode_report, encode
 from cpl.robot.ports import drain, receiver
 from cpl.robot.processes import camera_library, here_is_camera_library, start_bridge
+from cpl.robot.seal import make_key_file, new_key
+from cpl.robot.watched import launch_watchdog
+from cpl.robot.wire import decode_command
 
 ZERO_WITHIN_S = 0.3
 STAND_WITHIN_S = 1.5
@@ -24,13 +31,16 @@ ENDS = {
     "SIGINT": ("policy", signal.SIGINT),
     "SIGSTOP": ("policy", signal.SIGSTOP),
     "watchdog": ("watchdog", signal.SIGKILL),
+    "watchdog hangs": ("watchdog", signal.SIGSTOP),
+    "second": ("second", signal.SIGKILL),
+    "second hangs": ("second", signal.SIGSTOP),
 }
 PHASES = ("standing", "walking", "stopping")
 
 
-def end_it(session, how, phase, inside):
+def end_it(session, how, phase, inside, placement="laptop"):
     """Kill somebody in a phase; return after how long the robot was at zero, and stood."""
-    running = session(seconds=2.0)
+    running = session(placement, seconds=2.0)
     running.wait_for(phase)
     whom, number = ENDS[how]
     then = running.kill(whom, number)
@@ -48,17 +58,86 @@ def test_a_killed_policy_leaves_a_robot_that_stands(session, inside):
     assert stand_s <= STAND_WITHIN_S
 
 
+def test_a_hung_watchdog_is_killed_and_its_second_stops_the_robot(session, inside):
+    zero_s, stand_s, running = end_it(session, "watchdog hangs", "walking", inside)
+    assert zero_s <= ZERO_WITHIN_S
+    assert stand_s <= STAND_WITHIN_S
+    assert running.wait_for("over")["outcome"] == "watchdog"
+    running.process.wait(timeout=30)
+    assert {running.state(whom) for whom in ("watchdog", "second", "emulator")} == {"gone"}
+
+
 @pytest.mark.faults
 @pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize("how", ENDS)
-def test_every_exit_ends_in_zero_and_then_in_standing(session, inside, how, phase):
-    zero_s, stand_s, running = end_it(session, how, phase, inside)
-    assert zero_s <= ZERO_WITHIN_S
+@pytest.mark.parametrize("placement", ["laptop", "robot"])
+def test_every_exit_ends_in_zero_and_then_in_standing(session, inside, how, phase, placement):
+    zero_s, stand_s, running = end_it(session, how, phase, inside, placement)
+    # A second that is gone frightens nobody at once: its watchdog ends the run in good order.
+    if not how.startswith("second"):
+        assert zero_s <= ZERO_WITHIN_S
     if phase == "walking":
         assert stand_s <= STAND_WITHIN_S
     if how == "SIGINT" and phase == "walking":
         assert running.wait_for("over")["outcome"] == "operator"
         assert read_run(running.folder / "collect-00.mcap").recovery.whole
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("pause_s", [0.0, 0.1])
+@pytest.mark.parametrize("first", ["policy", "watchdog"])
+def test_policy_and_watchdog_killed_leave_a_second_that_stops_the_robot(session, first, pause_s):
+    running = session(seconds=20.0)
+    running.wait_for("walking")
+    then = running.kill(first)
+    time.sleep(pause_s)
+    running.kill("watchdog" if first == "policy" else "policy")
+    zero_s, stand_s = running.rests_after(then)
+    assert zero_s <= ZERO_WITHIN_S
+    assert stand_s <= STAND_WITHIN_S
+
+
+@pytest.mark.faults
+def test_watchdog_and_second_that_hang_leave_a_policy_that_stops_the_robot(session):
+    running = session(seconds=20.0)
+    running.wait_for("walking")
+    then = running.kill("second", signal.SIGSTOP)
+    running.kill("watchdog", signal.SIGSTOP)
+    zero_s, _ = running.rests_after(then)
+    assert zero_s <= 0.6  # it gives the second its time first
+    assert running.wait_for("over")["outcome"] == "watchdog"
+    running.process.wait(timeout=30)
+    assert running.state("watchdog") == running.state("second") == "gone"
+
+
+@pytest.mark.faults
+def test_orders_that_waited_while_the_watchdog_hung_are_none(session):
+    """Orders queue up in its socket, the policy is killed, the watchdog goes on."""
+    running = session(seconds=20.0)
+    running.wait_for("walking")
+    running.kill("second", signal.SIGSTOP)  # or it would have killed the watchdog by then
+    running.kill("watchdog", signal.SIGSTOP)
+    time.sleep(0.15)
+    running.kill("policy", signal.SIGKILL)
+    time.sleep(2.0)
+    then = running.kill("watchdog", signal.SIGCONT)
+    time.sleep(1.0)
+    assert [each for each in running.box() if each["t"] > then and any(each["v"])] == []
+    assert running.box()[-1]["mode"] == Mode.STAND
+
+
+@pytest.mark.faults
+def test_a_computer_that_slept_wakes_up_to_a_robot_that_is_told_zero(session):
+    """All of its processes stop and go on, as in suspend; the robot's own computer does not."""
+    running = session(seconds=20.0)
+    running.wait_for("walking")
+    for number in (signal.SIGSTOP, signal.SIGCONT):
+        for whom in ("policy", "watchdog", "second"):
+            then = running.kill(whom, number)
+        time.sleep(3.0 if number == signal.SIGSTOP else 0.0)
+    zero_s, _ = running.rests_after(then)
+    assert zero_s <= ZERO_WITHIN_S
+    assert running.wait_for("over")["outcome"] in ("clock", "watchdog")
 
 
 @pytest.mark.faults
@@ -93,7 +172,7 @@ def test_a_cut_link_stops_the_robot_only_if_the_watchdog_is_on_its_side(session,
         assert box[-1]["mode"] == Mode.STAND
     else:
         # Nothing on this side of the cut can reach the robot: it goes on with what it heard last.
-        assert over["outcome"] == "link"
+        assert over["outcome"] in ("link", "watchdog")
         assert any(box[-1]["v"])
         assert max(each["t"] for each in box) - then < 0.3
 
@@ -152,24 +231,23 @@ def camera_pythons():
 @pytest.mark.parametrize("python", camera_pythons())
 def test_poses_and_warnings_pass_through_the_vendors_library(tmp_path, python):
     """The bridge as it would run beside a camera, with the library's software device for one."""
-    import socket
+    from cpl.robot.bridge import Pose, Stamp, Warned, decode, encode
 
-    from cpl.robot.bridge import Pose, Warned, encode_pose, encode_warning
-
-    localizer_port = receiver()
-    bridge, feed = start_bridge(tmp_path, localizer_port.getsockname(), python, software=True)
-    from cpl.robot.bridge import decode
-
-    heard = []
+    localizer_port, key, stamp = receiver(), new_key(), Stamp(1, 3, 0.5)
+    bridge, feed = start_bridge(tmp_path, localizer_port.getsockname(), python, key, software=True)
+    heard, stamps = [], set()
     sent = Pose(1, 0.5, (0.1, 0.2, -0.3), (0.0, 0.6, 0.0, 0.8), (0.4, 0.0, 0.1), (0.0, 0.5, 0.0), 2)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
         end = time.monotonic() + 20
         while len({type(each) for each in heard}) < 2 and time.monotonic() < end:
-            out.sendto(encode_pose(sent), feed)
-            out.sendto(encode_warning(Warned(2, 0.5, 2)), feed)
+            out.sendto(encode(sent, stamp, key), feed)
+            out.sendto(encode(Warned(2, 0.5, 2), stamp, key), feed)
+            out.sendto(encode(sent, stamp, new_key()), feed)
             out.sendto(b"junk", feed)
             time.sleep(0.05)
-            heard += [decode(data) for data in drain(localizer_port)]
+            for packet, said in (decode(data, key) for data in drain(localizer_port)):
+                heard.append(packet)
+                stamps.add((said.run, said.start))
     bridge.stop()
     localizer_port.close()
     poses = [each for each in heard if isinstance(each, Pose)]
@@ -177,6 +255,9 @@ def test_poses_and_warnings_pass_through_the_vendors_library(tmp_path, python):
     for name in ("position", "quaternion", "velocity", "angular_velocity"):
         assert getattr(poses[0], name) == pytest.approx(getattr(sent, name), abs=1e-6)
     assert poses[0].confidence == 2
+    assert poses[0].t_s == pytest.approx(0.5)
+    assert len({run for run, _ in stamps}) == 1
+    assert max(start for _, start in stamps) == 3
     numbers = [each.number for each in heard]
     assert numbers == sorted(set(numbers))
 
@@ -197,41 +278,199 @@ def test_a_bridge_without_the_library_says_what_to_install(tmp_path):
     assert "Python 3.10 and `pip install pyrealsense2==2.53.1.4623`" in done.stderr
 
 
-def test_a_watchdog_takes_no_orders_without_its_token(tmp_path):
-    """Noise, strangers and late orders at the watchdog's port change nothing."""
-    import socket
-
-    from cpl.robot.packets import Order, decode_report, encode
-    from cpl.robot.watched import launch_watchdog
-
-    robot, here = receiver(), receiver()
+@pytest.fixture
+def watchdog(tmp_path):
+    """A watchdog in a process of its own, its robot, and whoever speaks to it."""
+    robot, here, key = receiver(), receiver(), new_key()
     listen = ("127.0.0.1", free_port())
-    config = WatchdogConfig(robot=robot.getsockname(), library="wire", token=42)
+    config = WatchdogConfig(robot=robot.getsockname(), library="wire", key=key)
     process = launch_watchdog(config, listen, tmp_path / "stats.json")
-
-    def order(token, number, mode=Mode.STAND, speed=0.0):
-        return encode(Order(token=token, number=number, mode=mode, command=(speed, 0.0, 0.0)))
-
-    reports = []
-    end = time.monotonic() + 30
-    while not reports and time.monotonic() < end:
-        here.sendto(order(42, 10), listen)
-        time.sleep(0.05)
-        reports = [decode_report(data) for data in drain(here)]
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-        for data in (b"", b"CPLO", bytes(100), order(7, 11, Mode.WALK, 0.5),
-                     order(42, 9, Mode.WALK, 0.5)):  # fmt: skip
-            stranger.sendto(data, listen)
-    time.sleep(0.3)
-    from cpl.robot.wire import decode_command
-
-    asked = [decode_command(data) for data in drain(robot)]
-    assert {each.mode for each in asked} == {Mode.STAND}
-    assert decode_report(list(drain(here))[-1]).obeyed == 10
+    yield robot, here, key, listen, process
     process.terminate()
     assert process.wait(timeout=10) == 0
-    stats = json.loads((tmp_path / "stats.json").read_text())
-    assert stats["datagrams"] > 50
-    for each in (robot, here):
+    for each in (robot, here, process.stderr):
         each.close()
-    process.stderr.close()
+
+
+def greet(here, key, listen, hello=5):
+    """Greet until there is a report; return it."""
+    greeting = Order(run=0, hello=hello, number=1, heard_s=0.0, mode=Mode.IDLE)
+    end = time.monotonic() + 30
+    while time.monotonic() < end:
+        here.sendto(encode(greeting, key), listen)
+        time.sleep(0.05)
+        for data in drain(here):
+            return decode_report(data, key)
+    raise AssertionError("no report")
+
+
+def asked(robot):
+    return [decode_command(data) for data in drain(robot)]
+
+
+def test_a_watchdog_obeys_one_policy_with_the_key_and_nobody_else(watchdog, tmp_path):
+    robot, here, key, listen, process = watchdog
+    report = greet(here, key, listen)
+    words = Path(f"/proc/{process.pid}/cmdline").read_text().split("\0")
+    environment = Path(f"/proc/{report.pid}/environ").read_text()
+    assert not any(key.hex() in text for text in (*words, environment))
+    assert {each.mode for each in asked(robot)} == {Mode.IDLE}  # nothing was asked for yet
+
+    def order(number, key=key, speed=0.5, run=report.run, heard_s=None, hello=5):
+        heard_s = boottime() if heard_s is None else heard_s
+        return encode(
+            Order(run=run, hello=hello, number=number, heard_s=heard_s,
+                  mode=Mode.WALK if speed else Mode.STAND, command=(speed, 0.0, 0.0)),
+            key,
+        )  # fmt: skip
+
+    stand = order(10, speed=0.0)
+    here.sendto(stand, listen)
+    time.sleep(0.1)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for data in (
+            b"", b"CPLO", bytes(100), order(11, new_key()), order(12), stand,
+            encode(Order(run=0, hello=9, number=1, heard_s=0.0, mode=Mode.IDLE), key),
+        ):  # fmt: skip
+            stranger.sendto(data, listen)
+        for data in (order(9), order(13, run=report.run + 1), order(14, heard_s=boottime() - 1),
+                     order(15, heard_s=boottime() + 1), order(16, hello=6)):  # fmt: skip
+            here.sendto(data, listen)
+        time.sleep(0.3)
+        stranger.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            stranger.recv(1000)
+    assert {each.mode for each in asked(robot)} <= {Mode.IDLE, Mode.STAND}
+    told = [decode_report(data, key) for data in drain(here)]
+    assert told[-1].obeyed == 10
+    assert (told[-1].run, told[-1].hello) == (report.run, 5)
+    here.sendto(order(17), listen)
+    time.sleep(0.1)
+    # Its robot never answers, so even a good order moves nothing.
+    assert {each.velocity for each in asked(robot)} == {(0.0, 0.0, 0.0)}
+
+
+def test_a_watchdog_counts_its_stream(watchdog, tmp_path):
+    _, here, key, listen, process = watchdog
+    greet(here, key, listen)
+    process.terminate()
+    process.wait(timeout=10)
+    assert json.loads((tmp_path / "stats.json").read_text())["datagrams"] > 50
+
+
+@pytest.mark.parametrize("trouble", ["no key", "others may read it", "none"])
+def test_a_watchdog_without_a_key_of_its_own_does_not_begin(tmp_path, trouble):
+    path = tmp_path / "run.key"
+    make_key_file(path)
+    if trouble == "others may read it":
+        path.chmod(0o644)
+    words = [sys.executable, "-m", "cpl.robot", "--robot", "127.0.0.1:9"]
+    words += ["--listen", f"127.0.0.1:{free_port()}", "--library", "wire"]
+    words += [] if trouble == "no key" else ["--key-file", str(path)]
+    process = subprocess.Popen(
+        words, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True
+    )
+    if trouble == "none":
+        time.sleep(2.0)
+        assert process.poll() is None
+        process.terminate()
+    _, said = process.communicate(timeout=30)
+    if trouble == "none":
+        assert process.returncode == 0
+    else:
+        assert process.returncode == 1
+        wanted = "a key must be a line" if trouble == "no key" else "for you alone (chmod 600"
+        assert wanted in said.decode()
+
+
+NAMESPACES = """
+import socket, subprocess, sys, time
+from cpl.robot import Mode, WatchdogConfig, WatchedBase
+away_s = float(sys.argv[1])
+base = WatchedBase(WatchdogConfig(robot=("10.99.0.2", 8082), local_port=8080, library="wire"))
+begun, done = time.monotonic(), 0
+tripped = ""
+while time.monotonic() - begun < 3.5:
+    state = base.state()
+    tripped = tripped or (state.tripped if state else "")
+    base.send(Mode.WALK, (0.5, 0.0, 0.0))
+    for k, at in enumerate((1.0, 1.0 + away_s)):
+        if done == k and time.monotonic() - begun > at:
+            subprocess.run(["ip", "link", "set", "cplA", "down" if k == 0 else "up"], check=True)
+            print(("down", "up")[k], time.monotonic(), flush=True)
+            done += 1
+    time.sleep(0.1)
+print("tripped", repr(tripped), flush=True)
+base.close()
+"""
+
+ROBOT = """
+import json, socket, time
+from cpl.robot.wire import HighState, decode_command, encode_state
+here = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+here.bind(("10.99.0.2", 8082)); here.settimeout(0.05)
+end = time.monotonic() + 90
+while time.monotonic() < end:
+    try:
+        data, sender = here.recvfrom(2000)
+    except TimeoutError:
+        continue
+    command = decode_command(data)
+    print(json.dumps([time.monotonic(), command.mode, *command.velocity]), flush=True)
+    state = HighState(mode=command.mode, battery=80, velocity=(0, 0, 0), odometry=(0, 0, 0))
+    try:
+        here.sendto(encode_state(state), sender)
+    except OSError:
+        pass
+"""
+
+
+@pytest.fixture
+def cable():
+    """Two computers with a cable between them: network namespaces, which need root."""
+    if os.geteuid() != 0 or shutil.which("ip") is None:
+        pytest.skip("needs root and iproute2")
+
+    def ip(*words):
+        subprocess.run(["ip", *words], check=True, capture_output=True)
+
+    ip("netns", "add", "cplA")
+    ip("netns", "add", "cplB")
+    ip("link", "add", "cplA", "netns", "cplA", "type", "veth", "peer", "name", "cplB",
+       "netns", "cplB")  # fmt: skip
+    for name, number in (("cplA", 1), ("cplB", 2)):
+        ip("-n", name, "addr", "add", f"10.99.0.{number}/24", "dev", name)
+        for link in (name, "lo"):
+            ip("-n", name, "link", "set", link, "up")
+    yield
+    for name in ("cplA", "cplB"):
+        ip("netns", "del", name)
+
+
+@pytest.mark.faults
+@pytest.mark.parametrize("away_s", [0.3, 0.6, 1.5])
+def test_a_link_that_goes_and_comes_is_no_end_of_the_watchdog(cable, away_s):
+    """The operating system says "network is unreachable" for as long."""
+
+    def start(name, code, *words):
+        return subprocess.Popen(
+            ["ip", "netns", "exec", name, sys.executable, "-c", code, *words],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    robot = start("cplB", ROBOT)
+    time.sleep(1.5)
+    policy = start("cplA", NAMESPACES, str(away_s))
+    said = [line.split() for line in policy.communicate(timeout=60)[0].splitlines()]
+    robot.terminate()
+    heard = [json.loads(line) for line in robot.communicate(timeout=60)[0].splitlines()]
+    up = next(float(words[1]) for words in said if words[0] == "up")
+    back = [each for each in heard if each[0] > up]
+    assert back, "the link never came back"
+    zero = next(each[0] for each in back if each[2:] == [0.0, 0.0, 0.0])
+    if away_s > 0.3:
+        assert zero - up <= ZERO_WITHIN_S
+    tripped = said[-1][1:]
+    assert (" ".join(tripped) == "'the robot does not answer'") == (away_s > 1.0)
+    assert heard[-1][1:] == [Mode.STAND, 0.0, 0.0, 0.0]

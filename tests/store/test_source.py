@@ -19,10 +19,10 @@ TREE = {
     "cpl/up/side.py": "import importlib\nX = importlib.import_module('cpl.mid')\n",
     "cpl/experiments/__init__.py": "def compute(name):\n    import cpl.mid\n",
     "cpl/experiments/a/__init__.py": "",
-    "cpl/experiments/a/one.py": "import cpl.low.maths\ndef run_shard(): ...\n",
+    "cpl/experiments/a/one.py": "import cpl.low.maths\nEXPERIMENT = 1\n",
     "cpl/experiments/a/shared.py": "",
     "cpl/experiments/b/__init__.py": "def start():\n    import cpl.mid\n",
-    "cpl/experiments/b/two.py": "def run_shard(): ...\n",
+    "cpl/experiments/b/two.py": "EXPERIMENT = 1\n",
     "chapter.py": "from cpl.experiments import compute as run\nrun('one', profile='book')\n",
 }
 

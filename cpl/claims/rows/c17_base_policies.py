@@ -17,14 +17,14 @@ _ENOUGH = 10  # [seeds] the rule asks for
 
 def _decide(read: Reader) -> Finding:
     curves = read("base_policies")
-    told = curves.parameters
+    settings = curves.parameters
     as_stated = (
-        told["steps"] == 200_000
-        and list(told["hidden"]) == [256, 256]
-        and told["collision_reward"] == -1.0
-        and told["high_speed_reward"] == 0.5
+        settings["steps"] == 200_000
+        and list(settings["hidden"]) == [256, 256]
+        and settings["collision_reward"] == -1.0
+        and settings["high_speed_reward"] == 0.5
     )
-    half = told["steps"] / 2
+    half = settings["steps"] / 2
     conditions = []
     for kind, rows in curves.table.groupby("kind"):
         late = rows[rows["step"] > half]
@@ -32,7 +32,7 @@ def _decide(read: Reader) -> Finding:
             np.polyfit(one["step"] / half, one["episode_return"], 1)[0]
             for _, one in late.groupby("pair")
         ]
-        first = rows.loc[rows["step"] <= 0.05 * told["steps"], "episode_return"].mean()
+        first = rows.loc[rows["step"] <= 0.05 * settings["steps"], "episode_return"].mean()
         learned = float(late["episode_return"].mean() - first)
         conditions.append(
             Condition(

@@ -14,8 +14,8 @@ def _in_the_twin(read: Reader) -> Leaning:
     paths = {name: entry(logs, 48, name, "all", "all") for name in ("rectangle", "hexagon")}
     differ = any(each.low > 1 or each.high < 1 for each in paths.values())
     leans = [side(each, above=1.0) for each in motion.values()] + [AS if differ else OPEN]
-    told = [f"{name} {ratio(each)}" for name, each in (motion | paths).items()]
-    text = "odds of an error times " + ", ".join(told) + " (paths against the triangle)"
+    odds = [f"{name} {ratio(each)}" for name, each in (motion | paths).items()]
+    text = "odds of an error times " + ", ".join(odds) + " (paths against the triangle)"
     return Leaning(leans=combined(leans), text=text)
 
 

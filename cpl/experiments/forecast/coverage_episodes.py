@@ -19,23 +19,21 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cpl.conformal import PI, Fixed, Rule, RunningMax, Track, fed_back, track, track_episodes
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.trained import base_policies, forecasts
-from cpl.experiments.trained.forecasters import forecaster, need_forecasts
-from cpl.experiments.trained.policies import base_policy, need_base_policies
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
+from cpl.experiments.trained import base_policies
+from cpl.experiments.trained.forecasters import forecaster
+from cpl.experiments.trained.needs import needs_of_pair
+from cpl.experiments.trained.pairs import Models
+from cpl.experiments.trained.policies import base_policy
 from cpl.highway import Config as Road
 from cpl.highway.proximity import proximity
 from cpl.policies.controls import Always
 from cpl.policies.evaluate import Drivers, Forecast, Rides, Tracking, drive
 from cpl.policies.switch import Chooser, Switch
+from cpl.settings.ranges import Count, Probability, Settings
 
-__all__ = ["DRIVERS", "EXTENT", "LABEL", "PROFILES", "RTOL", "Config", "rules", "run_shard"]
-__all__ += ["shards", "upstream"]
+__all__ = ["DRIVERS", "EXPERIMENT", "PROFILES", "Config", "rules"]
 
-LABEL = "simulated"
-EXTENT = ("pairs",)
-RTOL = 1e-6
 DRIVERS = ("safe", "speed", "switch")
 
 _VALIDATION, _TEST = 10_000_000, 20_000_000  # first environment seeds; training lies below
@@ -47,7 +45,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """The rides and the trackers.
 
     Attributes:
@@ -69,31 +67,24 @@ class Config:
         margin_mps: How much faster than in the range of training counts as outside [m/s].
     """
 
-    pairs: int
-    models: str = "paper"
-    episodes: int
+    pairs: Count
+    models: Models = "paper"
+    episodes: Count
     top_speeds_mps: tuple[float, ...] = (30.0, 40.0)
-    share: float = 0.5
-    validation: int = 40
-    streams: int = 1
-    alpha: float = 0.1
+    share: Probability = 0.5
+    validation: Count = 40
+    streams: Count = 1
+    alpha: Probability = 0.1
     eta: float = 0.1
     c: float = 0.1
     K_I: float = 0.1
     C_sat: float = 5.0
-    window: int = 5
+    window: Count = 5
     near_m: float = 10.0
     margin_mps: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("pairs", "episodes", "validation", "streams", "window"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)!r}")
-        if self.models not in base_policies.PROFILES.keys() & forecasts.PROFILES.keys():
-            raise ValueError(f"models must be a profile of base_policies, got {self.models!r}")
-        for name in ("share", "alpha"):
-            if not 0 < getattr(self, name) < 1:
-                raise ValueError(f"{name} must lie in (0, 1), got {getattr(self, name)!r}")
+        super().__post_init__()
         rules(self)
 
 
@@ -113,20 +104,6 @@ PROFILES = {
     "book": Config(pairs=1, episodes=60),
     "paper": Config(pairs=10, episodes=500),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """One pair a shard."""
-    return [Shard(f"pair-{pair}", {"pair": pair}) for pair in range(config.pairs)]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Ask for the pair's policies and forecasters."""
-    pair = shard.number("pair")
-    return [
-        need_base_policies(base_policies.PROFILES[config.models], [pair]),
-        need_forecasts(forecasts.PROFILES[config.models], [pair]),
-    ]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -178,6 +155,17 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     names = ["pair", "driver", "top_speed_mps", "rule", "carry", "quantity", "group", "at", "value"]
     kinds = {"carry": bool, "at": int, "n": int, "value": float}
     return pd.DataFrame(table, columns=[*names, "n"]).astype(kinds)
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("pair-{pair}", pair="pairs"),
+    needs=needs_of_pair,
+    label="simulated",
+    extent=("pairs",),
+    rtol=1e-6,
+)
 
 
 class _Episode(NamedTuple):

@@ -15,25 +15,23 @@ import numpy as np
 import pandas as pd
 
 from cpl.conformal import BatchTracker, RunningMax, Tracker, track_many
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.trained import forecasts
-from cpl.experiments.trained.forecasters import forecaster, need_forecasts
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, whole
+from cpl.experiments.trained.forecasters import forecaster, need_forecasters
+from cpl.experiments.trained.pairs import Models
 from cpl.forecast.methods import METHODS, Certificates, Dropout, Ensemble, Forecaster
 from cpl.network import MLP
 from cpl.rng import stream
+from cpl.settings.ranges import Count, Settings
 
-__all__ = ["LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards", "upstream"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "measured"
-RTOL = 20.0  # times differ between machines; what is counted is compared exactly
 
 _UPDATE = 6  # operations of an update: |l - l_hat|, >, max, *, *, +
 _STEPS = 400  # scores a stream in the timing of whole sequences
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """What is timed.
 
     Attributes:
@@ -43,17 +41,10 @@ class Config:
         seed: Draws histories and scores.
     """
 
-    models: str = "paper"
-    batch: int = 256
-    rounds: int = 60
+    models: Models = "paper"
+    batch: Count = 256
+    rounds: Count = 60
     seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("batch", "rounds"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)!r}")
-        if self.models not in forecasts.PROFILES:
-            raise ValueError(f"models must be of {tuple(forecasts.PROFILES)}, got {self.models!r}")
 
 
 PROFILES = {
@@ -61,18 +52,6 @@ PROFILES = {
     "book": Config(rounds=20),
     "paper": Config(rounds=400),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """All in one shard, so that everything is timed in turns."""
-    del config
-    return [Shard("all")]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Ask for the forecasters of the first pair."""
-    del shard
-    return [need_forecasts(forecasts.PROFILES[config.models], [0])]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -124,6 +103,16 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     table = pd.DataFrame(rows)
     table["seconds"] = [seconds[name] / config.batch for name in table["method"]]
     return table
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=whole,
+    needs=lambda config, shard: [need_forecasters(config.models, 0)],
+    label="measured",
+    rtol=20.0,  # times differ between machines; what is counted is compared exactly
+)
 
 
 def _fastest(subjects: dict[str, Callable[[], object]], rounds: int) -> dict[str, float]:

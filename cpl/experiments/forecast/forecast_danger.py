@@ -17,22 +17,21 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cpl.conformal import RunningMax, track
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.trained import base_policies, forecasts
-from cpl.experiments.trained.forecasters import crash_classifier, forecaster, need_forecasts
-from cpl.experiments.trained.policies import base_policy, need_base_policies
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
+from cpl.experiments.trained import base_policies
+from cpl.experiments.trained.forecasters import crash_classifier, forecaster
+from cpl.experiments.trained.needs import needs_of_pair
+from cpl.experiments.trained.pairs import Models
+from cpl.experiments.trained.policies import base_policy
 from cpl.forecast.measures import auc
 from cpl.forecast.rollouts import Rollouts, collect, join
 from cpl.forecast.schedule import Moments, Schedule
 from cpl.forecast.suite import PREDICTOR, crash_labels
 from cpl.rng import stream
+from cpl.settings.ranges import Count, Settings
 
-__all__ = ["EXTENT", "LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards", "upstream"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
-EXTENT = ("pairs",)
-RTOL = 1e-6
 
 _VALIDATION, _TEST = 10_000_000, 20_000_000  # first environment seeds; training lies below
 _LENGTH, _HORIZON = 5, 3  # observations in a history; [steps] how far the forecast looks
@@ -43,7 +42,7 @@ Floats = NDArray[np.floating]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """The episodes.
 
     Attributes:
@@ -61,23 +60,16 @@ class Config:
         margin_mps: How much faster than in the training range counts as outside [m/s].
     """
 
-    pairs: int
-    models: str = "paper"
-    episodes: int
-    reference: int = 500
-    lessons: int = 4000
-    epochs: int = 20
+    pairs: Count
+    models: Models = "paper"
+    episodes: Count
+    reference: Count = 500
+    lessons: Count = 4000
+    epochs: Count = 20
     top_speeds_mps: tuple[float, ...] = (30.0, 40.0, 50.0)
     alpha: float = 0.1
     c: float = 0.1
     margin_mps: float = 0.1
-
-    def __post_init__(self) -> None:
-        for name in ("pairs", "episodes", "reference", "lessons", "epochs"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)!r}")
-        if self.models not in base_policies.PROFILES.keys() & forecasts.PROFILES.keys():
-            raise ValueError(f"models must be a profile of base_policies, got {self.models!r}")
 
 
 PROFILES = {
@@ -85,20 +77,6 @@ PROFILES = {
     "book": Config(pairs=1, episodes=60, reference=60, lessons=400),
     "paper": Config(pairs=10, episodes=500),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """One pair a shard."""
-    return [Shard(f"pair-{pair}", {"pair": pair}) for pair in range(config.pairs)]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Ask for the pair's policies and forecasters."""
-    pair = shard.number("pair")
-    return [
-        need_base_policies(base_policies.PROFILES[config.models], [pair]),
-        need_forecasts(forecasts.PROFILES[config.models], [pair]),
-    ]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -138,6 +116,17 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     table = pd.DataFrame(rows)
     table.insert(0, "pair", pair)
     return table
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("pair-{pair}", pair="pairs"),
+    needs=needs_of_pair,
+    label="simulated",
+    extent=("pairs",),
+    rtol=1e-6,
+)
 
 
 def _learned(

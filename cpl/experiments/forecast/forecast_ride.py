@@ -5,31 +5,32 @@ quantile that stood beside it. Paper: Figure 3, left.
 """
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 
 from cpl.conformal import Fixed, RunningMax
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.trained import base_policies, forecasts
-from cpl.experiments.trained.forecasters import forecaster, need_forecasts
-from cpl.experiments.trained.policies import base_policy, need_base_policies
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
+from cpl.experiments.trained import base_policies
+from cpl.experiments.trained.forecasters import forecaster
+from cpl.experiments.trained.needs import needs
+from cpl.experiments.trained.pairs import Models
+from cpl.experiments.trained.policies import base_policy
 from cpl.policies.controls import Always
 from cpl.policies.evaluate import Drivers, Tracking, drive
 from cpl.policies.switch import Switch, thresholds
+from cpl.settings.ranges import Choice, Count, Natural, Settings, interval
 
-__all__ = ["LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards", "upstream"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
-RTOL = 1e-6
 
 _TEST = 20_000_000  # environment seeds of tests; training and validation lie below
 _LENGTH, _HORIZON = 5, 3  # observations in a history; [steps] how far the forecast looks
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """The ride.
 
     Attributes:
@@ -46,49 +47,24 @@ class Config:
         episodes: Test episodes that are driven to find it.
     """
 
-    pair: int = 0
-    models: str = "paper"
-    driver: str = "speed"
+    pair: Natural = 0
+    models: Models = "paper"
+    driver: Annotated[str, Choice(("safe", "speed", "switch"))] = "speed"
     top_speed_mps: float = 30.0
     q_safe: float = 0.6
     alpha: float = 0.1
     step: float = 0.1
     running: bool = True
-    ride: int = 0
-    least: int = 12
-    episodes: int = 64
+    ride: Natural = 0
+    least: Annotated[int, interval(f"[{_LENGTH - 1 + _HORIZON}, inf)")] = 12
+    episodes: Count = 64
 
     def __post_init__(self) -> None:
-        if self.driver not in ("safe", "speed", "switch"):
-            raise ValueError(f"driver must be safe, speed or switch, got {self.driver!r}")
-        for name in ("pair", "ride"):
-            if getattr(self, name) < 0:
-                raise ValueError(f"{name} must be at least 0, got {getattr(self, name)!r}")
-        shortest = _LENGTH - 1 + _HORIZON
-        if self.least < shortest or self.episodes < 1:
-            raise ValueError(
-                f"least must be at least {shortest} and episodes 1, got {self.least!r} and"
-                f" {self.episodes!r}"
-            )
-        if self.models not in base_policies.PROFILES.keys() & forecasts.PROFILES.keys():
-            raise ValueError(f"models must be a profile of base_policies, got {self.models!r}")
+        super().__post_init__()
         thresholds(self.q_safe)
 
 
 PROFILES = {"smoke": Config(models="smoke"), "book": Config(), "paper": Config()}
-
-
-def shards(config: Config) -> list[Shard]:
-    """The ride."""
-    return [Shard("ride", {"ride": config.ride})]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Ask for the pair's policies and forecasters."""
-    del shard
-    policies = replace(base_policies.PROFILES[config.models], pairs=config.pair + 1)
-    networks = replace(forecasts.PROFILES[config.models], pairs=config.pair + 1)
-    return [need_base_policies(policies, [config.pair]), need_forecasts(networks, [config.pair])]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -141,3 +117,13 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
             "crashed": bool(told["crashed"]),
         }
     )
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("ride", ride=lambda config: [config.ride]),
+    needs=lambda config, shard: needs(config.models, config.pair),
+    label="simulated",
+    rtol=1e-6,
+)

@@ -17,11 +17,9 @@ import pandas as pd
 from cpl.conformal import Fixed
 from cpl.experiments.gate import study as _gate_study
 from cpl.experiments.gate.streams import Gated, drive, schedule
-from cpl.experiments.gate.study import quantile, values
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.trained.base_policies import PROFILES as MODELS
-from cpl.experiments.trained.policies import need_base_policies
+from cpl.experiments.gate.study import Streams, quantile, values
+from cpl.experiments.run.spec import Experiment, Inputs, Shard
+from cpl.experiments.trained.policies import need_policies_of_pair
 from cpl.highway import PAPER
 from cpl.policies.gate import (
     Constant,
@@ -35,42 +33,20 @@ from cpl.policies.gate import (
 )
 from cpl.policies.gate.margins import Floats
 
-__all__ = ["ATTEMPTS", "EXTENT", "LABEL", "PROFILES", "Config", "run_shard", "shards", "upstream"]
-
-LABEL = "simulated"
-EXTENT = ("pairs",)
-RTOL = 1e-5
+__all__ = ["ATTEMPTS", "EXPERIMENT", "PROFILES", "Config"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
-    """The streams.
+class Config(Streams):
+    """The streams; see `Streams`.
 
     Attributes:
-        pairs: Policy pairs, each a training seed.
-        models: Profile of the experiment that trained them.
         attempts: Which of `ATTEMPTS`.
-        worlds: Worlds that the streams pass through.
-        streams: Streams of episodes in each pair, a multiple of the number of worlds.
-        stay: Episodes that a stream stays in a world.
-        margins: The constants [m].
-        alpha: Miscoverage aimed at [-].
-        eta: Step of the quantile, in scales.
-        memory: Decisions that the scale remembers.
     """
 
-    pairs: int
-    models: str = "paper"
     attempts: tuple[str, ...] = ()
-    worlds: tuple[str, ...] = (
-        "in", "to40", "to50", "noise", "dropout", "braking", "aggressive", "dense",
-    )  # fmt: skip
-    streams: int
     stay: int = 2
     margins: tuple[float, ...] = (2.0, 5.0, 5.9, 6.2, 9.0, 13.0)
-    alpha: float = 0.05
-    eta: float = 0.3
-    memory: float = 20.0
 
 
 class Several:
@@ -171,18 +147,13 @@ PROFILES = {
 }  # fmt: skip
 
 
-def shards(config: Config) -> list[Shard]:
+def _shards(config: Config) -> list[Shard]:
     """One attempt and pair a shard."""
     return [
         Shard(f"{re.sub(r'[^a-zA-Z0-9]+', '-', name)}-{pair}", {"attempt": name, "pair": pair})
         for name in config.attempts
         for pair in range(config.pairs)
     ]  # fmt: skip
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """The pair's trained policies."""
-    return [need_base_policies(MODELS[config.models], [shard.number("pair")])]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -218,3 +189,14 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     found.insert(0, "pair", np.int8(pair))
     found.insert(0, "attempt", name)
     return found
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=_shards,
+    needs=need_policies_of_pair,
+    label="simulated",
+    extent=("pairs",),
+    rtol=1e-5,
+)

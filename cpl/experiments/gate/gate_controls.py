@@ -19,11 +19,9 @@ from cpl.conformal import PI, Decaying, Fixed, RunningMax, TrailingRange
 from cpl.experiments.gate.drivers import Capped, Foresight, Plain, Scheduled, Switching
 from cpl.experiments.gate.replays import Recording, Replaying, replays
 from cpl.experiments.gate.streams import schedule
-from cpl.experiments.gate.study import averaged, frozen, gated, quantile, run, values
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.trained.base_policies import PROFILES as MODELS
-from cpl.experiments.trained.policies import need_base_policies
+from cpl.experiments.gate.study import Streams, averaged, frozen, gated, quantile, run, values
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
+from cpl.experiments.trained.policies import need_policies_of_pair
 from cpl.policies.gate import (
     Adaptive,
     Constant,
@@ -34,48 +32,20 @@ from cpl.policies.gate import (
     Tracked,
 )
 
-__all__ = ["EXTENT", "LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards", "upstream"]
-
-LABEL = "simulated"
-EXTENT = ("pairs",)
-RTOL = 1e-5  # sums of float32 numbers; crashes and steps are compared exactly
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Streams):
     """The streams and the tracker, as in `gate_stream`.
 
     Attributes:
-        pairs: Policy pairs, each a training seed.
-        models: Profile of the experiment that trained them.
-        worlds: Worlds that the streams pass through.
         alone: Worlds that are driven by themselves as well.
-        streams: Streams of episodes in each pair, a multiple of the number of worlds.
-        stay: Episodes that a stream stays in a world.
-        margins: Constants beside them [m].
-        alpha: Miscoverage aimed at [-].
-        eta: Step of the quantile, in scales.
-        memory: Decisions that the scale remembers.
     """
 
-    pairs: int
-    models: str = "paper"
-    worlds: tuple[str, ...] = (
-        "in", "to40", "to50", "noise", "dropout", "braking", "aggressive", "dense",
-    )  # fmt: skip
     alone: tuple[str, ...] = ("to40", "noise", "bursts")
-    streams: int
     stay: int = 4
     margins: tuple[float, ...] = (3.0, 5.9, 6.2, 9.0)
-    alpha: float = 0.05
-    eta: float = 0.3
-    memory: float = 20.0
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.pairs <= MODELS[self.models].pairs:
-            raise ValueError(
-                f"pairs must be 1 to {MODELS[self.models].pairs} (those trained), got {self.pairs}"
-            )
 
 
 PROFILES = {
@@ -87,20 +57,6 @@ PROFILES = {
 }
 
 _PARTS = ("trackers", "drivers", "alone")
-
-
-def shards(config: Config) -> list[Shard]:
-    """Part by part, for each pair."""
-    return [
-        Shard(f"{part}-{pair}", {"part": part, "pair": pair})
-        for part in _PARTS
-        for pair in range(config.pairs)
-    ]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """The pair's trained policies."""
-    return [need_base_policies(MODELS[config.models], [shard.number("pair")])]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -122,6 +78,17 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
         found = pd.concat([_alone(config, speed, world) for world in config.alone])
     found.insert(0, "pair", np.int8(pair))
     return found.reset_index(drop=True)
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("{part}-{pair}", part=_PARTS, pair="pairs"),
+    needs=need_policies_of_pair,
+    label="simulated",
+    extent=("pairs",),
+    rtol=1e-5,  # sums of float32 numbers; crashes and steps are compared exactly
+)
 
 
 def _quantile(config: Config) -> Tracked:

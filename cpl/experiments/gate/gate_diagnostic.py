@@ -16,19 +16,18 @@ from numpy.typing import NDArray
 from cpl.experiments.gate.streams import WORLDS, Roads, turns
 from cpl.experiments.gate.study import values
 from cpl.experiments.quadruped.quadruped_logs import digest
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.trained.base_policies import PROFILES as MODELS
-from cpl.experiments.trained.policies import need_base_policies
+from cpl.experiments.run.spec import Experiment, Inputs, Need, Shard
+from cpl.experiments.trained.pairs import Models
+from cpl.experiments.trained.policies import need_policies
 from cpl.highway import PAPER
 from cpl.logs import read_runs
 from cpl.policies.gate import Constant, Gate
+from cpl.settings.ranges import Count, Settings
 from cpl.stats.frozen import frozen_coverage
 from cpl.store import data_path
 
-__all__ = ["LABEL", "PROFILES", "Config", "run_shard", "shards", "upstream"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
 
 _SEED = 30_000_000  # environment seeds that nothing else uses
 _STEPS = 40  # decisions of an episode
@@ -40,7 +39,7 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """The logs, and how they are cut.
 
     Attributes:
@@ -55,10 +54,10 @@ class Config:
         alpha_quadruped: The same for the quadruped, the paper's value [-].
     """
 
-    pairs: int
-    models: str = "paper"
+    pairs: Count
+    models: Models = "paper"
     worlds: tuple[str, ...] = tuple(WORLDS)
-    episodes: int
+    episodes: Count
     margin: float = 3.0
     alpha: float = 0.05
     windows: int = 2
@@ -73,16 +72,16 @@ PROFILES = {
 }
 
 
-def shards(config: Config) -> list[Shard]:
+def _shards(config: Config) -> list[Shard]:
     """One policy pair a shard, and the quadruped."""
     roads = [Shard(f"road-{pair}", {"pair": pair}) for pair in range(config.pairs)]
     return [*roads, Shard("quadruped", {"pair": -1})]
 
 
-def upstream(config: Config, shard: Shard) -> list[Need]:
+def _needs(config: Config, shard: Shard) -> list[Need]:
     """The pair's trained policies; none for the quadruped."""
     pair = shard.number("pair")
-    return [] if pair < 0 else [need_base_policies(MODELS[config.models], [pair])]
+    return [] if pair < 0 else [need_policies(config.models, pair)]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs | None = None) -> pd.DataFrame:
@@ -96,6 +95,15 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs | None = None) -> pd.
     if pair < 0 or inputs is None:
         return _quadruped(config)
     return _road(config, pair, inputs)
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=_shards,
+    needs=_needs,
+    label="simulated",
+)
 
 
 def _road(config: Config, pair: int, inputs: Inputs) -> pd.DataFrame:

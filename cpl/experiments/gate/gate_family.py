@@ -38,18 +38,14 @@ from cpl.conformal.family import MEMBERS
 from cpl.experiments.gate.drivers import Foresight, Plain, Switching
 from cpl.experiments.gate.replays import Recording, Replaying, donor
 from cpl.experiments.gate.streams import schedule
-from cpl.experiments.gate.study import averaged, frozen, gated, quantile, run, values
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.trained.base_policies import PROFILES as MODELS
-from cpl.experiments.trained.policies import need_base_policies
+from cpl.experiments.gate.study import Streams, averaged, frozen, gated, quantile, run, values
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
+from cpl.experiments.trained.policies import need_policies_of_pair
 from cpl.policies.gate import Constant, Costly, Decision, Margin, Recorded, Tracked
+from cpl.settings.ranges import Natural
 
-__all__ = ["EXTENT", "LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards", "upstream"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
-EXTENT = ("pairs",)
-RTOL = 1e-5  # sums of float32 numbers; crashes and steps are compared exactly
 
 _SEEDS = 30_000_000  # environment seeds from here on
 _PARTS = ("members", "rivals", "oracle", "switch")
@@ -57,48 +53,22 @@ _TOP = 40.0  # [m] the margin that an infinite threshold stands for
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
-    """The streams, the rivals, and how the members are driven.
+class Config(Streams):
+    """The streams, the rivals, and how the members are driven; see `Streams`.
 
     Attributes:
-        pairs: Policy pairs, each a training seed.
-        first_pair: The first of them.
-        models: Profile of the experiment that trained them.
-        worlds: Worlds that the streams pass through.
-        streams: Streams of episodes in each pair, a multiple of the number of worlds.
-        stay: Episodes that a stream stays in a world.
-        margins: The constants [m].
+        first_pair: The first of the pairs.
         levels: Thresholds q_safe of the switch without a quantile [-].
         q_safe: That of the switch with one [-].
-        alpha: Miscoverage aimed at under the gate [-].
         switch_alpha: Miscoverage aimed at under the switch [-], the paper's.
-        eta: Step of the headline's quantile, in scales.
-        memory: Decisions that the scale remembers.
     """
 
-    pairs: int
-    first_pair: int = 2
-    models: str = "paper"
-    worlds: tuple[str, ...] = (
-        "in", "to40", "to50", "noise", "dropout", "braking", "aggressive", "dense",
-    )  # fmt: skip
-    streams: int
+    first_pair: Natural = 2
     stay: int = 4
     margins: tuple[float, ...] = (0.0, 2.0, 4.0, 5.0, 5.9, 6.2, 7.0, 9.0, 13.0)
     levels: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
     q_safe: float = 0.6
-    alpha: float = 0.05
     switch_alpha: float = 0.1
-    eta: float = 0.3
-    memory: float = 20.0
-
-    def __post_init__(self) -> None:
-        trained = MODELS[self.models].pairs
-        if self.pairs < 1 or self.first_pair < 0 or self.first_pair + self.pairs > trained:
-            raise ValueError(
-                f"first_pair and pairs must lie within the {trained} trained, got "
-                f"{self.first_pair} and {self.pairs}"
-            )
 
 
 PROFILES = {
@@ -111,17 +81,8 @@ PROFILES = {
 }  # fmt: skip
 
 
-def shards(config: Config) -> list[Shard]:
-    """Pair by pair, so that the first ones are whole when the time is up."""
-    pairs = range(config.first_pair, config.first_pair + config.pairs)
-    return [
-        Shard(f"{part}-{pair}", {"part": part, "pair": pair}) for pair in pairs for part in _PARTS
-    ]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """The pair's trained policies."""
-    return [need_base_policies(MODELS[config.models], [shard.number("pair")])]
+def _pairs(config: Config) -> range:
+    return range(config.first_pair, config.first_pair + config.pairs)
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -142,6 +103,17 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
         found = drive[part](config, speed, worlds)
     found.insert(0, "pair", np.int8(pair))
     return found.reset_index(drop=True)
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("{part}-{pair}", pair=_pairs, part=_PARTS),
+    needs=need_policies_of_pair,
+    label="simulated",
+    extent=("pairs",),
+    rtol=1e-5,  # sums of float32 numbers; crashes and steps are compared exactly
+)
 
 
 def _members(config: Config, speed: Any, worlds: NDArray[np.str_]) -> pd.DataFrame:  # noqa: ANN401

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
@@ -10,17 +11,15 @@ from numpy.typing import NDArray
 
 from cpl.experiments.gate.streams import WORLDS, Roads, turns
 from cpl.experiments.gate.study import quantile, values
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.trained.base_policies import PROFILES as MODELS
-from cpl.experiments.trained.policies import need_base_policies
+from cpl.experiments.run.spec import Experiment, Inputs, Need, Shard, whole
+from cpl.experiments.trained.pairs import Models
+from cpl.experiments.trained.policies import need_policies
 from cpl.highway import PAPER
 from cpl.policies.gate import Constant, Gate, Margin, Stacked
+from cpl.settings.ranges import Choice, Count, Natural, Settings
 
-__all__ = ["BASES", "LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards", "upstream"]
+__all__ = ["BASES", "EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
-RTOL = 1e-4
 
 BASES = ("pi_speed", "full throttle")
 """Who is behind the gate: the trained policy, or one that always wants to go faster."""
@@ -31,7 +30,7 @@ _SEED = 40_000_000  # environment seeds that nothing else uses
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """The stream.
 
     Attributes:
@@ -48,25 +47,17 @@ class Config:
         seed: Of the stream.
     """
 
-    models: str = "paper"
-    pair: int = 0
-    base: str = "pi_speed"
-    world: str = "noise"
-    calm: int = 6
-    episodes: int = 8
+    models: Models = "paper"
+    pair: Natural = 0
+    base: Annotated[str, Choice(BASES)] = "pi_speed"
+    world: Annotated[str, Choice(tuple(WORLDS))] = "noise"
+    calm: Natural = 6
+    episodes: Count = 8
     margin: float = 3.0
     alpha: float = 0.05
     eta: float = 0.3
     memory: float = 20.0
     seed: int = 0
-
-    def __post_init__(self) -> None:
-        if self.world not in WORLDS:
-            raise ValueError(f"world must be one of {tuple(WORLDS)}, got {self.world!r}")
-        if self.base not in BASES:
-            raise ValueError(f"base must be one of {BASES}, got {self.base!r}")
-        if self.calm < 0 or self.episodes < 1:
-            raise ValueError(f"episodes must be >= 1, got {self.calm!r} and {self.episodes!r}")
 
 
 PROFILES = {
@@ -76,16 +67,11 @@ PROFILES = {
 }
 
 
-def shards(config: Config) -> list[Shard]:
-    """One shard."""
-    return [Shard("all")]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
+def _needs(config: Config, shard: Shard) -> list[Need]:
     """The trained policies, where one of them drives."""
     if config.base != "pi_speed":
         return []
-    return [need_base_policies(MODELS[config.models], [config.pair])]
+    return [need_policies(config.models, config.pair)]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs | None = None) -> pd.DataFrame:
@@ -115,6 +101,16 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs | None = None) -> pd.
     found = pd.concat(rows, ignore_index=True)
     found["method"] = np.array(names)[found["method"].to_numpy()]
     return found
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=whole,
+    needs=_needs,
+    label="simulated",
+    rtol=1e-4,
+)
 
 
 def _episode(config: Config, gate: Gate, world: str, seed: int, inputs: Inputs | None):  # noqa: ANN202

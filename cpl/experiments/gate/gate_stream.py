@@ -31,57 +31,25 @@ import numpy as np
 import pandas as pd
 
 from cpl.experiments.gate.streams import schedule
-from cpl.experiments.gate.study import averaged, frozen, gated, quantile, run, values
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.trained.base_policies import PROFILES as MODELS
-from cpl.experiments.trained.policies import need_base_policies
+from cpl.experiments.gate.study import Streams, averaged, frozen, gated, quantile, run, values
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
+from cpl.experiments.trained.policies import need_policies_of_pair
 from cpl.policies.gate import Constant, Margin
 
-__all__ = ["EXTENT", "LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards", "upstream"]
-
-LABEL = "simulated"
-EXTENT = ("pairs",)
-RTOL = 1e-5  # sums of float32 numbers; crashes and steps are compared exactly
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
-    """The streams, the rivals, and the tracker.
+class Config(Streams):
+    """The streams, the rivals, and the tracker; see `Streams`."""
 
-    Attributes:
-        pairs: Policy pairs, each a training seed.
-        models: Profile of the experiment that trained them.
-        worlds: Worlds that the streams pass through.
-        streams: Streams of episodes in each pair, a multiple of the number of worlds.
-        stay: Episodes that a stream stays in a world.
-        margins: The constants [m].
-        alpha: Miscoverage aimed at [-].
-        eta: Step of the quantile, in scales.
-        memory: Decisions that the scale remembers.
-    """
-
-    pairs: int
-    models: str = "paper"
-    worlds: tuple[str, ...] = (
-        "in", "to40", "to50", "noise", "dropout", "braking", "aggressive", "dense",
-    )  # fmt: skip
-    streams: int
     stay: int = 4
     margins: tuple[float, ...] = (
         0.0, 2.0, 4.0, 5.0, 5.9, 6.2, 7.0, 9.0, 13.0,
     )  # fmt: skip
-    alpha: float = 0.05
-    eta: float = 0.3
-    memory: float = 20.0
 
     def __post_init__(self) -> None:
-        if self.pairs < 1 or self.pairs > MODELS[self.models].pairs:
-            raise ValueError(
-                f"pairs must be 1 to {MODELS[self.models].pairs} (those trained), got {self.pairs}"
-            )
-        if self.stay < 1:
-            raise ValueError(f"stay must be >= 1, got {self.stay!r}")
+        super().__post_init__()
         if len(self.margins) < 2:
             raise ValueError(f"margins must be at least two, got {self.margins!r}")
 
@@ -93,16 +61,6 @@ PROFILES = {
     "book": Config(pairs=1, streams=8, stay=1, margins=(0.0, 4.0, 5.9, 6.2, 13.0)),
     "paper": Config(pairs=5, streams=48),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """One policy pair a shard."""
-    return [Shard(f"pair-{pair}", {"pair": pair}) for pair in range(config.pairs)]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """The pair's trained policies."""
-    return [need_base_policies(MODELS[config.models], [shard.number("pair")])]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -127,3 +85,14 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     found = run([driver], worlds, stay=config.stay)
     found.insert(0, "pair", np.int8(pair))
     return found
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("pair-{pair}", pair="pairs"),
+    needs=need_policies_of_pair,
+    label="simulated",
+    extent=("pairs",),
+    rtol=1e-5,  # sums of float32 numbers; crashes and steps are compared exactly
+)

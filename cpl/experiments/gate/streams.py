@@ -248,7 +248,7 @@ class Gated:
 
 
 def turns(
-    roads: Roads, act: Callable[[NDArray[np.float32], Bools], Ints], steps: int
+    roads: Roads, act: Callable[[NDArray[np.float32], Bools], NDArray[np.integer]], steps: int
 ) -> Iterator[Turn]:
     """Drive a round: one episode a row, at most so many decisions.
 

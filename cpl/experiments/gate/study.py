@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,14 +11,17 @@ import pandas as pd
 
 from cpl.conformal import Fixed
 from cpl.experiments.gate.streams import Gated, drive
-from cpl.experiments.run.need import Inputs
+from cpl.experiments.run.spec import Inputs
+from cpl.experiments.trained.pairs import Models
 from cpl.experiments.trained.policies import base_policy
 from cpl.highway import PAPER
 from cpl.policies.gate import Averaged, Constant, Gate, GateConfig, Margin, Stacked, Tracked
+from cpl.settings.ranges import Count, Probability, Settings
 
 __all__ = [
     "TEST",
     "VALIDATION",
+    "Streams",
     "averaged",
     "calibrated",
     "frozen",
@@ -31,6 +35,35 @@ TEST, VALIDATION = 20_000_000, 10_000_000  # environment seeds from here on
 
 EWMA_GRID = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0)  # standard deviations
 CONSTANT_GRID = (-1.0, 0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 9.0)  # [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Streams(Settings):
+    """Streams of episodes that pass through worlds, and the tracker of the margin.
+
+    Attributes:
+        pairs: Policy pairs, each a training seed.
+        models: Profile of the experiment that trained them.
+        worlds: Worlds that the streams pass through.
+        streams: Streams of episodes in each pair, a multiple of the number of worlds.
+        stay: Episodes that a stream stays in a world.
+        margins: Constant margins [m].
+        alpha: Miscoverage aimed at [-].
+        eta: Step of the quantile, in scales.
+        memory: Decisions that the scale remembers.
+    """
+
+    pairs: Count
+    models: Models = "paper"
+    worlds: tuple[str, ...] = (
+        "in", "to40", "to50", "noise", "dropout", "braking", "aggressive", "dense",
+    )  # fmt: skip
+    streams: Count
+    stay: Count
+    margins: tuple[float, ...]
+    alpha: Probability = 0.05
+    eta: float = 0.3
+    memory: float = 20.0
 
 
 def quantile(n: int, *, alpha: float, eta: float, memory: float) -> Tracked:

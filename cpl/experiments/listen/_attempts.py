@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from cpl.experiments.run.need import Inputs
+from cpl.experiments.run.spec import Inputs
 from cpl.experiments.switch.setup import (
     Setup,
     choose_thresholds,

@@ -16,6 +16,7 @@ Fixed before any test seed was driven:
 """
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
@@ -29,17 +30,14 @@ from cpl.experiments.listen._attempts import (
     switches,
     thresholds_of,
 )
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.switch.setup import Setup, compact, drivers_of, needs, pairs_of, road_of
-from cpl.experiments.trained.agents import KNOWN, agent, need_agents
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
+from cpl.experiments.switch.setup import Setup, compact, drivers_of, pairs_of, road_of
+from cpl.experiments.trained.agents import KNOWN, agent, needs_with_agents
 from cpl.highway import Config as Road
+from cpl.settings.ranges import Choice, Count, Share, interval
 
-__all__ = ["EXTENT", "LABEL", "PROFILES", "ROADS", "Config", "run_shard", "shards", "upstream"]
+__all__ = ["EXPERIMENT", "PROFILES", "ROADS", "Config"]
 
-LABEL = "simulated"
-EXTENT = ("pairs", "first_pair")
-RTOL = 1e-5  # sums of speeds are stored in single precision
 
 ROADS: dict[str, tuple[float, dict[str, object]]] = {
     "20-30": (30.0, {}),
@@ -68,26 +66,13 @@ class Config(Setup):
         donors: Validation episodes whose quantiles are shown in place of an agent's own.
     """
 
-    agents: tuple[str, ...] = (
+    agents: Annotated[tuple[str, ...], Choice(KNOWN)] = (
         "rl", "rl_nq", "wide", "wide_nq", "gate", "gate_nq",
     )  # fmt: skip
-    roads: tuple[str, ...] = tuple(ROADS)
-    points: int = 5
-    epsilons: tuple[float, ...] = (0.01, 0.02, 0.05, 0.1, 0.2)
-    donors: int = 40
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if wrong := [name for name in self.agents if name not in KNOWN]:
-            raise ValueError(f"agents must be among {KNOWN}, got {wrong[0]!r}")
-        if wrong := [name for name in self.roads if name not in ROADS]:
-            raise ValueError(f"roads must be among {tuple(ROADS)}, got {wrong[0]!r}")
-        if self.points < 2:
-            raise ValueError(f"points must be at least 2, got {self.points!r}")
-        if self.donors < 1:
-            raise ValueError(f"donors must be at least 1, got {self.donors!r}")
-        if not self.epsilons or not all(0 <= e <= 1 for e in self.epsilons):
-            raise ValueError(f"epsilons must lie in [0, 1], got {self.epsilons!r}")
+    roads: Annotated[tuple[str, ...], Choice(tuple(ROADS))] = tuple(ROADS)
+    points: Annotated[int, interval("[2, inf)")] = 5
+    epsilons: tuple[Share, ...] = (0.01, 0.02, 0.05, 0.1, 0.2)
+    donors: Count = 40
 
 
 PROFILES = {
@@ -102,21 +87,6 @@ PROFILES = {
     ),
     "paper": Config(pairs=3, episodes=150, validation_episodes=30, blocks=15),
 }  # fmt: skip
-
-
-def shards(config: Config) -> list[Shard]:
-    """One pair on one road a shard."""
-    return [
-        Shard(f"pair{pair}-{road.replace(' ', '-')}", {"pair": pair, "road": road})
-        for pair in pairs_of(config)
-        for road in config.roads
-    ]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Return what a shard is computed from: policies, forecasters and the agents of a pair."""
-    pair = shard.number("pair")
-    return [*needs(config, pair), *need_agents(config.models, config.agents, pair)]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -140,6 +110,17 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
         joined.insert(place, key, value)
     joined.insert(3, "doing", joined.pop("doing"))
     return joined
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("pair{pair}-{road}", pair=pairs_of, road="roads"),
+    needs=needs_with_agents,
+    label="simulated",
+    extent=("pairs", "first_pair"),
+    rtol=1e-5,  # sums of speeds are stored in single precision
+)
 
 
 def _agent(config: Config, road: Road, name: str, pair: int, inputs: Inputs) -> pd.DataFrame:

@@ -12,18 +12,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from cpl.conformal import RunningMax
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.switch.setup import Setup, choose_thresholds, drivers_of, needs, tracking_of
-from cpl.experiments.trained import listeners
+from cpl.experiments.run.spec import Experiment, Inputs, Need, Shard
+from cpl.experiments.switch.setup import Setup, choose_thresholds, drivers_of, tracking_of
+from cpl.experiments.trained.agents import need_agents
 from cpl.experiments.trained.forecasters import forecaster
 from cpl.experiments.trained.listening import decoded, hearing_of
+from cpl.experiments.trained.needs import needs
+from cpl.experiments.trained.pairs import Models
 from cpl.highway import PAPER, Policy, Replay, record_replay
 from cpl.highway import Config as Road
 from cpl.highway.proximity import proximity
@@ -33,21 +35,10 @@ from cpl.policies.evaluate import Drivers, Forecast, Tracking, drive
 from cpl.policies.headway import Headway
 from cpl.policies.listen import Hearing, best, ride
 from cpl.policies.switch import Chooser, Switch
+from cpl.settings.ranges import Choice, Count, Natural, Settings
 
-__all__ = [
-    "LABEL",
-    "PROFILES",
-    "RTOL",
-    "Config",
-    "Team",
-    "record",
-    "run_shard",
-    "shards",
-    "upstream",
-]
+__all__ = ["EXPERIMENT", "PROFILES", "Config", "Team", "record"]
 
-LABEL = "simulated"
-RTOL = 1e-6  # the last bits of the engine's mathematics differ between processors
 
 _BEHIND, _AHEAD = 45.0, 130.0  # [m] cars farther away than this are not written down
 _DRIVERS = ("rules", "learned")
@@ -56,7 +47,7 @@ _STRIDE = 5  # frames of the simulation between two that are written down
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """The rides.
 
     Attributes:
@@ -79,12 +70,12 @@ class Config:
         duration_s: A ride ends after this time [s], or with a crash.
     """
 
-    drivers: str = "rules"
-    models: str = "paper"
-    pair: int = 0
+    drivers: Annotated[str, Choice(_DRIVERS)] = "rules"
+    models: Models = "paper"
+    pair: Natural = 0
     top_speeds_mps: tuple[float, ...] = (30.0, 40.0)
     low_speed_mps: float = 20.0
-    rides: int
+    rides: Count
     first_seed: int = 20_000_000
     alpha: float = 0.1
     c: float = 0.1
@@ -95,12 +86,6 @@ class Config:
     careful_gap_s: float = 2.0
     vehicles_count: int = 50
     duration_s: int = 40
-
-    def __post_init__(self) -> None:
-        if self.drivers not in _DRIVERS:
-            raise ValueError(f"drivers must be one of {', '.join(_DRIVERS)}, got {self.drivers!r}")
-        if self.rides < 1:
-            raise ValueError(f"rides must be at least 1, got {self.rides!r}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +114,7 @@ PROFILES = {
 }
 
 
-def shards(config: Config) -> list[Shard]:
+def _shards(config: Config) -> list[Shard]:
     """One speed range and environment seed a shard, with all policies."""
     return [
         Shard(f"top{top:g}-seed{seed}", {"top_speed_mps": top, "seed": seed})
@@ -138,14 +123,13 @@ def shards(config: Config) -> list[Shard]:
     ]
 
 
-def upstream(config: Config, shard: Shard) -> list[Need]:
+def _needs(config: Config, shard: Shard) -> list[Need]:
     """Return what a shard is computed from: the trained pair, if learned policies drive."""
     del shard
     if config.drivers == "rules":
         return []
-    trained = listeners.PROFILES[config.models]
-    agent = Need(experiment="listeners", config=trained, shards=(f"{_AGENT}-{config.pair}",))
-    return [*needs(_setup(config), config.pair), agent]
+    agents = need_agents(config.models, [_AGENT], config.pair)
+    return [*needs(config.models, config.pair), *agents]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs | None = None) -> pd.DataFrame:
@@ -170,6 +154,16 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs | None = None) -> pd.
     table.insert(2, "policy", table.pop("policy"))
     table.insert(3, "q_safe", team.q_safe)
     return table
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=_shards,
+    needs=_needs,
+    label="simulated",
+    rtol=1e-6,  # the last bits of the engine's mathematics differ between processors
+)
 
 
 def record(road: Road, seed: int, team: Team, policy: str, config: Config) -> Replay:

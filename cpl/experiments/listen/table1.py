@@ -8,36 +8,33 @@ and the switch at thresholds above and below.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
 from cpl.experiments.switch.setup import (
     Setup,
     drivers_of,
     evaluation_seeds,
-    needs,
     pairs_of,
     road_of,
     tracking_of,
     validation_seeds,
 )
-from cpl.experiments.trained import listeners
+from cpl.experiments.trained.agents import needs_with_agents
 from cpl.experiments.trained.forecasters import forecaster
 from cpl.experiments.trained.listening import AGENTS, decoded, hearing_of
 from cpl.policies.evaluate import Drivers, Forecast
 from cpl.policies.headway import SLOWER
 from cpl.policies.listen import Choose, Hearing, View, best, by_chooser, ride
 from cpl.policies.switch import Switch, thresholds
+from cpl.settings.ranges import Choice, Share, interval
 
-__all__ = ["EXTENT", "LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards", "upstream"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
-EXTENT = ("pairs", "first_pair")
-RTOL = 1e-5  # speeds are stored in single precision
 
 _TRAINING_TOP = 30.0  # [m/s] the speed range in which everything was trained
 _OWN = View(l_hat=False, quantiles=0)  # of who does not hear
@@ -57,23 +54,16 @@ class Config(Setup):
     """
 
     tops_mps: tuple[float, ...] = (30.0, 40.0, 50.0)
-    agents: tuple[str, ...] = AGENTS
+    agents: Annotated[tuple[str, ...], Choice(AGENTS)] = AGENTS
     q_safe: float = 0.3
-    allowed: float = 0.1
-    beside: float = 0.1
+    allowed: Share = 0.1
+    beside: Annotated[float, interval("(0, 0.1]")] = 0.1
 
     def __post_init__(self) -> None:
         super().__post_init__()
         thresholds(self.q_safe)
         if not self.tops_mps:
             raise ValueError(f"tops_mps must name at least one range, got {self.tops_mps!r}")
-        if not set(self.agents) <= set(AGENTS):
-            raise ValueError(f"agents must be among {AGENTS}, got {self.agents!r}")
-        if not 0 <= self.allowed <= 1 or not 0 < self.beside <= 0.1:
-            raise ValueError(
-                "allowed must lie in [0, 1] and beside in (0, 0.1],"
-                f" got {self.allowed!r} and {self.beside!r}"
-            )
 
 
 PROFILES = {
@@ -86,20 +76,6 @@ PROFILES = {
     ),
     "paper": Config(pairs=10, episodes=500, validation_episodes=50, blocks=25),
 }  # fmt: skip
-
-
-def shards(config: Config) -> list[Shard]:
-    """One pair a shard."""
-    return [Shard(f"pair{pair}", {"pair": pair}) for pair in pairs_of(config)]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Return what a shard is computed from: a pair of policies, its forecaster and its agents."""
-    pair = shard.number("pair")
-    trained = listeners.need_listeners(listeners.PROFILES[config.models], pair)
-    names = tuple(f"{agent}-{pair}" for agent in config.agents)
-    agents = Need(experiment="listeners", config=trained.config, shards=names)
-    return [*needs(config, pair), *([agents] if names else [])]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -138,6 +114,17 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     theirs = joined[keys].merge(speed, on=keys, how="left")["trace"].to_numpy()
     joined["as_speed"] = joined.pop("trace").to_numpy() == theirs
     return joined
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("pair{pair}", pair=pairs_of),
+    needs=needs_with_agents,
+    label="simulated",
+    extent=("pairs", "first_pair"),
+    rtol=1e-5,  # speeds are stored in single precision
+)
 
 
 _Entrant = tuple[list[str], NDArray[np.float64], Hearing, Choose]

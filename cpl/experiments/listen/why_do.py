@@ -8,24 +8,25 @@ of its not telling it.
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 
 from cpl.experiments.listen._attempts import agent_sums, donors_of
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.switch.setup import Setup, compact, needs, pairs_of, road_of
-from cpl.experiments.trained.agents import KNOWN, Agent, agent, need_agents
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
+from cpl.experiments.switch.setup import Setup, compact, pairs_of, road_of
+from cpl.experiments.trained.agents import KNOWN, Agent, agent, needs_with_agents
 from cpl.policies.doing import Doing, freeze, natural, replay
+from cpl.settings.ranges import Choice, Count
 
-__all__ = ["EXTENT", "LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards", "upstream"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
-EXTENT = ("pairs", "first_pair")
-RTOL = 1e-5  # sums of speeds are stored in single precision
 
 _TRAINING_TOP = 30.0  # [m/s]
+
+
+_HEARING = tuple(name for name in KNOWN if not name.endswith("_nq"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,20 +41,15 @@ class Config(Setup):
         donors: Validation episodes whose quantiles are shown in place of an agent's own.
     """
 
-    agents: tuple[str, ...] = ("rl", "rl_1", "rl_2", "rl_3")
+    agents: Annotated[tuple[str, ...], Choice(_HEARING)] = ("rl", "rl_1", "rl_2", "rl_3")
     tops_mps: tuple[float, ...] = (30.0, 40.0, 50.0)
     q_values: tuple[float, ...] = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
-    donors: int = 60
+    donors: Count = 60
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        hearing = [name for name in KNOWN if not name.endswith("_nq")]
-        if wrong := [name for name in self.agents if name not in hearing]:
-            raise ValueError(f"agents must be among {hearing}, got {wrong[0]!r}")
         if not self.q_values or not np.isfinite(self.q_values).all():
             raise ValueError(f"q_values must be finite, at least one, got {self.q_values!r}")
-        if self.donors < 1:
-            raise ValueError(f"donors must be at least 1, got {self.donors!r}")
 
 
 PROFILES = {
@@ -67,17 +63,6 @@ PROFILES = {
     ),
     "paper": Config(pairs=10, episodes=125, validation_episodes=2, blocks=25),
 }  # fmt: skip
-
-
-def shards(config: Config) -> list[Shard]:
-    """One pair a shard."""
-    return [Shard(f"pair{pair}", {"pair": pair}) for pair in pairs_of(config)]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Return what a shard is computed from: policies, forecasters and agents of a pair."""
-    pair = shard.number("pair")
-    return [*needs(config, pair), *need_agents(config.models, config.agents, pair)]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -96,6 +81,17 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
             table = _driven(config, listener, top)
             found.append(compact(table, {"top_mps": top, "pair": pair, "agent": name}))
     return pd.concat(found, ignore_index=True)
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("pair{pair}", pair=pairs_of),
+    needs=needs_with_agents,
+    label="simulated",
+    extent=("pairs", "first_pair"),
+    rtol=1e-5,  # sums of speeds are stored in single precision
+)
 
 
 def _driven(config: Config, listener: Agent, top: float) -> pd.DataFrame:

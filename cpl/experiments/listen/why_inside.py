@@ -11,27 +11,25 @@ On natural rides over validation seeds, at the moments that the agent really mee
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.switch.setup import HORIZON, Setup, needs, pairs_of, road_of, validation_seeds
-from cpl.experiments.trained.agents import KNOWN, Agent, agent, need_agents
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
+from cpl.experiments.switch.setup import HORIZON, Setup, pairs_of, road_of, validation_seeds
+from cpl.experiments.trained.agents import KNOWN, Agent, agent, needs_with_agents
 from cpl.policies.headway import FASTER, SLOWER
 from cpl.policies.listen import best, ride
 from cpl.policies.saliency import flips, saliency
 from cpl.policies.switch import Moment
 from cpl.rng import stream
+from cpl.settings.ranges import Choice, Positive
 from cpl.stats.logistic import auc, fit_logistic
 
-__all__ = ["EXTENT", "LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards", "upstream"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
-EXTENT = ("pairs", "first_pair")
-RTOL = 1e-4  # the probes' fits stop at a tolerance of their own
 
 _WIDTH = 25  # numbers in an observation: five cars with five features
 _GROUPS = {
@@ -45,6 +43,9 @@ _GROUPS = {
 Singles = NDArray[np.float32]
 
 
+_FIT = tuple(name for name in KNOWN if name not in ("longer", "gate", "gate_nq"))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Config(Setup):
     """The rides and the questions.
@@ -56,22 +57,17 @@ class Config(Setup):
         ridge: Penalty of the probes.
     """
 
-    agents: tuple[str, ...] = ("rl", "rl_nq", "rl_1", "rl_2", "rl_3")
+    agents: Annotated[tuple[str, ...], Choice(_FIT)] = ("rl", "rl_nq", "rl_1", "rl_2", "rl_3")
     q_values: tuple[float, ...] = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
     l_values: tuple[float, ...] = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-    ridge: float = 10.0
+    ridge: Positive = 10.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        fit = [name for name in KNOWN if name not in ("longer", "gate", "gate_nq")]
-        if wrong := [name for name in self.agents if name not in fit]:
-            raise ValueError(f"agents must be among {fit}, got {wrong[0]!r}")
         if self.validation_episodes < 2:
             raise ValueError(
                 f"validation_episodes must be at least 2, got {self.validation_episodes!r}"
             )
-        if not self.ridge > 0:
-            raise ValueError(f"ridge must be positive, got {self.ridge!r}")
 
 
 PROFILES = {
@@ -84,17 +80,6 @@ PROFILES = {
     ),
     "paper": Config(pairs=10, episodes=20, validation_episodes=300, blocks=20),
 }  # fmt: skip
-
-
-def shards(config: Config) -> list[Shard]:
-    """One pair a shard."""
-    return [Shard(f"pair{pair}", {"pair": pair}) for pair in pairs_of(config)]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Return what a shard is computed from: policies, forecasters and agents of a pair."""
-    pair = shard.number("pair")
-    return [*needs(config, pair), *need_agents(config.models, config.agents, pair)]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -123,6 +108,17 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     joined = pd.concat(found, ignore_index=True)
     joined.insert(0, "pair", pair)
     return joined
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("pair{pair}", pair=pairs_of),
+    needs=needs_with_agents,
+    label="simulated",
+    extent=("pairs", "first_pair"),
+    rtol=1e-4,  # the probes' fits stop at a tolerance of their own
+)
 
 
 Answers = list[tuple[str, str, float, float]]

@@ -3,19 +3,11 @@
 The interventions of `why_do` on the agents of `agents_why`.
 """
 
-from dataclasses import dataclass
-
-import pandas as pd
+from dataclasses import dataclass, replace
 
 from cpl.experiments.listen import why_do
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
 
-__all__ = ["EXTENT", "LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards", "upstream"]
-
-LABEL = "simulated"
-EXTENT = ("pairs", "first_pair")
-RTOL = 1e-5  # sums of speeds are stored in single precision
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,16 +32,4 @@ PROFILES = {
 }  # fmt: skip
 
 
-def shards(config: Config) -> list[Shard]:
-    """One pair a shard."""
-    return why_do.shards(config)
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Return what a shard is computed from: policies, forecasters and agents of a pair."""
-    return why_do.upstream(config, shard)
-
-
-def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
-    """Drive every agent of a pair under every intervention; see `cpl.experiments.listen.why_do`."""
-    return why_do.run_shard(config, shard, inputs)
+EXPERIMENT = replace(why_do.EXPERIMENT, profiles=PROFILES)

@@ -7,23 +7,21 @@ seeds of three speed ranges.
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.switch.setup import Setup, needs, pairs_of, road_of, validation_seeds
-from cpl.experiments.trained.agents import KNOWN, Agent, agent, need_agents
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
+from cpl.experiments.switch.setup import Setup, pairs_of, road_of, validation_seeds
+from cpl.experiments.trained.agents import KNOWN, Agent, agent, needs_with_agents
 from cpl.policies.listen import Choose, best, ride
 from cpl.policies.switch import Moment
 from cpl.rng import stream
+from cpl.settings.ranges import Choice, interval
 
-__all__ = ["EXTENT", "LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards", "upstream"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
-EXTENT = ("pairs", "first_pair")
-RTOL = 1e-9
 
 _EDGES = np.arange(-0.3, 1.31, 0.05).round(2)
 _TRAINING_TOP = 30.0  # [m/s]
@@ -39,16 +37,9 @@ class Config(Setup):
         explorations: Shares of decisions drawn at random, in the range of training.
     """
 
-    agents: tuple[str, ...] = ("rl",)
+    agents: Annotated[tuple[str, ...], Choice(KNOWN)] = ("rl",)
     tops_mps: tuple[float, ...] = (30.0, 40.0, 50.0)
-    explorations: tuple[float, ...] = (1.0, 0.05)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if wrong := [name for name in self.agents if name not in KNOWN]:
-            raise ValueError(f"agents must be among {KNOWN}, got {wrong[0]!r}")
-        if wrong := [share for share in self.explorations if not 0 <= share <= 1]:
-            raise ValueError(f"explorations must lie in [0, 1], got {wrong[0]!r}")
+    explorations: Annotated[tuple[float, ...], interval("[0, 1]")] = (1.0, 0.05)
 
 
 PROFILES = {
@@ -58,17 +49,6 @@ PROFILES = {
     "book": Config(pairs=1, episodes=20, validation_episodes=60, blocks=20),
     "paper": Config(pairs=10, episodes=20, validation_episodes=200, blocks=20),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """One pair a shard."""
-    return [Shard(f"pair{pair}", {"pair": pair}) for pair in pairs_of(config)]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Return what a shard is computed from: policies, forecasters and agents of a pair."""
-    pair = shard.number("pair")
-    return [*needs(config, pair), *need_agents(config.models, config.agents, pair)]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -90,6 +70,16 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
             found.append(_counted(config, listener, top, share).assign(**labels))
     columns = ["pair", "agent", "top_mps", "exploration", "q_low", "decisions", "q_sum"]
     return pd.DataFrame(pd.concat(found, ignore_index=True)[columns])
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("pair{pair}", pair=pairs_of),
+    needs=needs_with_agents,
+    label="simulated",
+    extent=("pairs", "first_pair"),
+)
 
 
 def _counted(config: Config, listener: Agent, top: float, share: float) -> pd.DataFrame:

@@ -11,6 +11,8 @@ of 0.8, 1.5 and 4, four paths each. So the rates at constant gain are chosen, an
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -19,6 +21,7 @@ import pandas as pd
 from cpl.quadruped import (
     GAIN_RULES,
     GainLimits,
+    Limits,
     Path,
     Policy,
     PolicyConfig,
@@ -29,8 +32,19 @@ from cpl.quadruped import (
 from cpl.quadruped.kinematic import FisheyeCamera, KinematicWorld, Room, WorldConfig
 from cpl.quadruped.training import Run
 from cpl.rng import stream
+from cpl.settings.ranges import Settings
 
-__all__ = ["POLICIES", "RANGES", "lab", "policy", "run_seed", "training_path", "training_runs"]
+__all__ = [
+    "KINEMATIC",
+    "POLICIES",
+    "RANGES",
+    "Hall",
+    "Twin",
+    "policy",
+    "run_seed",
+    "training_path",
+    "training_runs",
+]
 
 LIGHT = 0.2  # [-]
 RICHNESS = 0.35  # [-]
@@ -40,12 +54,51 @@ RANGES = {"in": (1.2, 1.8), "out": (0.8, 4.0)}  # [1/s] Section V-C
 POLICIES = ("paper", "no_quantile", "corrected", "constant", "oracle")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Hall(Settings):
+    """Where is walked.
+
+    Attributes:
+        light: Light level of the hall, 1 = bright [-].
+        richness: How much there is to be seen, 0 to 1 [-].
+        exposure_s: Exposure time [s].
+        room_seed: Paints the hall.
+    """
+
+    light: float = LIGHT
+    richness: float = RICHNESS
+    exposure_s: float = EXPOSURE_S
+    room_seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Twin:
+    """A simulated robot and the lab that it walks in.
+
+    Attributes:
+        label: What kind of evidence its walks are.
+        lab: Makes the world from the hall's light and richness [-], the camera's exposure time [s]
+            and the seed that paints the hall; that takes a while.
+        limits: What the robot may be asked for.
+    """
+
+    label: str
+    lab: Callable[[float, float, float, int], Any]
+    limits: Limits = field(default_factory=Limits)
+
+    def world(self, hall: Hall) -> Any:  # noqa: ANN401 - a `cpl.quadruped.World`, with its config
+        """Return the world that all runs of an experiment happen in."""
+        return self.lab(hall.light, hall.richness, hall.exposure_s, hall.room_seed)
+
+
 @lru_cache(maxsize=2)
-def lab(light: float, richness: float, exposure_s: float, room_seed: int) -> KinematicWorld:
-    """Return the world that all runs of an experiment happen in; painting it takes a while."""
+def _lab(light: float, richness: float, exposure_s: float, room_seed: int) -> KinematicWorld:
     room = Room(light=light, richness=richness)
     camera = FisheyeCamera(exposure_s=exposure_s)
     return KinematicWorld(WorldConfig(room=room, camera=camera, room_seed=room_seed))
+
+
+KINEMATIC = Twin(label="simulated-kinematic", lab=_lab)
 
 
 def run_seed(seed: int, *names: str | int) -> int:

@@ -11,23 +11,18 @@ richness 0.40, all else as it was. So the rates at constant gain are chosen here
 
 from functools import lru_cache
 
-from cpl.experiments.quadruped.lab import EXPOSURE_S, LIGHT
+from cpl.experiments.quadruped.lab import Twin
 from cpl.quadruped import Limits
 from cpl.quadruped.kinematic import FisheyeCamera, Room
 from cpl.quadruped.legged import LeggedConfig, LeggedWorld
 
-__all__ = ["EXPOSURE_S", "LIGHT", "LIMITS", "RICHNESS", "lab"]
+__all__ = ["LEGGED", "RICHNESS"]
 
 RICHNESS = 0.40  # [-]
 
-# What the gait follows: its makers trained it up to 1 m/s, and a third of this turning more is
-# already beyond it.
-LIMITS = Limits(v_x_mps=1.0, v_y_mps=0.6, yaw_rate_radps=2.0)
 
-
-@lru_cache(maxsize=1)
-def lab(light: float, richness: float, exposure_s: float, room_seed: int) -> LeggedWorld:
-    """Return the world that all runs of an experiment happen in; it keeps a renderer open."""
+@lru_cache(maxsize=1)  # each keeps a renderer open
+def _lab(light: float, richness: float, exposure_s: float, room_seed: int) -> LeggedWorld:
     return LeggedWorld(
         LeggedConfig(
             room=Room(light=light, richness=richness),
@@ -35,3 +30,12 @@ def lab(light: float, richness: float, exposure_s: float, room_seed: int) -> Leg
             room_seed=room_seed,
         )
     )
+
+
+# What the gait follows: its makers trained it up to 1 m/s, and a third of this turning more is
+# already beyond it.
+LEGGED = Twin(
+    label="simulated-legged",
+    lab=_lab,
+    limits=Limits(v_x_mps=1.0, v_y_mps=0.6, yaw_rate_radps=2.0),
+)

@@ -1,56 +1,23 @@
 """What does the legged twin's log look like when it walks zig-zags at a constant gain?
 
 What `quadruped_collect` does, with a Go1 that walks in MuJoCo; the training data of its predictor.
-Needs the extra `legged`.
+The paths are the first of the kinematic twin's: MuJoCo's pictures take their time. Needs the extra
+`legged`.
 """
 
 from dataclasses import dataclass
 
-import pandas as pd
+from cpl.experiments.quadruped import quadruped_collect
+from cpl.experiments.quadruped.legged import LEGGED, RICHNESS
 
-from cpl.experiments.quadruped.lab import run_seed, training_path
-from cpl.experiments.quadruped.legged import EXPOSURE_S, LIGHT, LIMITS, RICHNESS, lab
-from cpl.experiments.run.shard import Shard
-from cpl.quadruped import GainLimits, Policy, PolicyConfig, RunConfig, constant_gain, run
-
-__all__ = ["EXTENT", "LABEL", "PROFILES", "Config", "run_shard", "shards"]
-
-LABEL = "simulated-legged"
-RTOL = 1e-6
-EXTENT = ("trajectories",)
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
-    """What is walked, and where.
+class Config(quadruped_collect.Config):
+    """What is walked, and where; see `quadruped_collect`."""
 
-    Attributes:
-        trajectories: Training paths, the first of the kinematic twin's; the paper's are 43, and
-            MuJoCo's pictures take their time.
-        keypoints: Keypoints a path.
-        kp: The constant gain [1/s]; the paper's 1.5.
-        light: Light level of the hall, 1 = bright [-].
-        richness: How much there is to be seen, 0 to 1 [-].
-        exposure_s: Exposure time [s].
-        max_s: A run longer than this is given up [s].
-        room_seed: Paints the hall.
-        seed: Draws paths and noise.
-    """
-
-    trajectories: int
-    keypoints: int = 4
-    kp: float = 1.5
-    light: float = LIGHT
     richness: float = RICHNESS
-    exposure_s: float = EXPOSURE_S
-    max_s: float = 60.0
-    room_seed: int = 0
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("trajectories", "keypoints", "kp", "max_s"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
 
 
 PROFILES = {
@@ -59,25 +26,4 @@ PROFILES = {
     "paper": Config(trajectories=10),
 }
 
-
-def shards(config: Config) -> list[Shard]:
-    """Return one shard a trajectory."""
-    return [Shard(f"zigzag-{k}", {"trajectory": k}) for k in range(config.trajectories)]
-
-
-def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
-    """Walk one zig-zag.
-
-    Returns:
-        The run's log, one row a policy step, with `trajectory` in front.
-    """
-    trajectory = shard.number("trajectory")
-    rows = run(
-        lab(config.light, config.richness, config.exposure_s, config.room_seed),
-        training_path(config.seed, trajectory, config.keypoints),
-        Policy(constant_gain, GainLimits(kp_min=config.kp, kp_max=config.kp), PolicyConfig()),
-        None,
-        run_seed(config.seed, "collect", trajectory),
-        RunConfig(max_s=config.max_s, limits=LIMITS),
-    )
-    return pd.DataFrame([{"trajectory": trajectory} | row for row in rows])
+EXPERIMENT = quadruped_collect.collecting(LEGGED, PROFILES)

@@ -3,29 +3,23 @@
 What `quadruped_predictor` does, on the zig-zags of `legged_collect`.
 """
 
-import pandas as pd
+from typing import Any
 
 from cpl.experiments.quadruped import legged_collect
-from cpl.experiments.quadruped.quadruped_predictor import PROFILES, Config, fitted, shards
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.quadruped.quadruped_predictor import (
+    PROFILES,
+    Config,
+    need_predictor,
+    predicting,
+)
+from cpl.experiments.run.spec import Need
 
-__all__ = ["EXTENT", "LABEL", "PROFILES", "Config", "run_shard", "shards", "upstream"]
-
-LABEL = "simulated-legged"
-RTOL = 1e-6
-EXTENT = ("folds",)
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Name what a shard needs: all collected trajectories."""
-    del shard
-    settings = legged_collect.PROFILES[config.collect]
-    names = tuple(each.name for each in legged_collect.shards(settings))
-    return [Need(experiment="legged_collect", config=settings, shards=names, name="log")]
+__all__ = ["EXPERIMENT", "PROFILES", "Config", "needs"]
 
 
-def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
-    """Train once; the row is that of `quadruped_predictor`."""
-    data = legged_collect.PROFILES[config.collect]
-    return fitted(config, shard, inputs, seed=data.seed, keypoints=data.keypoints)
+def needs(config: Any) -> list[Need]:  # noqa: ANN401 - see `need_predictor`
+    """Ask for the network that walks of the legged twin are made with."""
+    return need_predictor(config, "legged_predictor")
+
+
+EXPERIMENT = predicting("legged_collect", legged_collect.EXPERIMENT, PROFILES)

@@ -4,51 +4,36 @@ The data the predictor is trained on. Paper: Section V-B, 43 trajectories at kp 
 SLAM errors are its visual odometry's own losses of track.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import pandas as pd
 
-from cpl.experiments.quadruped.lab import EXPOSURE_S, LIGHT, RICHNESS, lab, run_seed, training_path
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.quadruped.lab import KINEMATIC, Hall, Twin, run_seed, training_path
+from cpl.experiments.run.spec import Experiment, Shard, grid
 from cpl.quadruped import GainLimits, Policy, PolicyConfig, RunConfig, constant_gain, run
+from cpl.settings.ranges import Count, Positive
 
-__all__ = ["EXTENT", "LABEL", "PROFILES", "Config", "run_shard", "shards"]
-
-LABEL = "simulated-kinematic"
-RTOL = 1e-6
-EXTENT = ("trajectories",)
+__all__ = ["EXPERIMENT", "PROFILES", "Config", "collecting"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
-    """What is walked, and where.
+class Config(Hall):
+    """What is walked; where, says `Hall`.
 
     Attributes:
         trajectories: Training paths; the paper's 43.
         keypoints: Keypoints a path.
         kp: The constant gain [1/s]; the paper's 1.5.
-        light: Light level of the hall, 1 = bright [-].
-        richness: How much there is to be seen, 0 to 1 [-].
-        exposure_s: Exposure time [s].
         max_s: A run longer than this is given up [s].
-        room_seed: Paints the hall.
         seed: Draws paths and noise.
     """
 
-    trajectories: int
-    keypoints: int = 4
-    kp: float = 1.5
-    light: float = LIGHT
-    richness: float = RICHNESS
-    exposure_s: float = EXPOSURE_S
-    max_s: float = 60.0
-    room_seed: int = 0
+    trajectories: Count
+    keypoints: Count = 4
+    kp: Positive = 1.5
+    max_s: Positive = 60.0
     seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("trajectories", "keypoints", "kp", "max_s"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
 
 
 PROFILES = {
@@ -58,24 +43,34 @@ PROFILES = {
 }
 
 
-def shards(config: Config) -> list[Shard]:
-    """Return one shard a trajectory."""
-    return [Shard(f"zigzag-{k}", {"trajectory": k}) for k in range(config.trajectories)]
+def collecting(twin: Twin, profiles: Mapping[str, Config]) -> Experiment:
+    """Return the experiment that walks a twin along the zig-zags."""
 
+    def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
+        """Walk one zig-zag.
 
-def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
-    """Walk one zig-zag.
+        Returns:
+            The run's log, one row a policy step, with `trajectory` in front.
+        """
+        trajectory = shard.number("trajectory")
+        rows = run(
+            twin.world(config),
+            training_path(config.seed, trajectory, config.keypoints),
+            Policy(constant_gain, GainLimits(kp_min=config.kp, kp_max=config.kp), PolicyConfig()),
+            None,
+            run_seed(config.seed, "collect", trajectory),
+            RunConfig(max_s=config.max_s, limits=twin.limits),
+        )
+        return pd.DataFrame([{"trajectory": trajectory} | row for row in rows])
 
-    Returns:
-        The run's log, one row a policy step, with `trajectory` in front.
-    """
-    trajectory = shard.number("trajectory")
-    rows = run(
-        lab(config.light, config.richness, config.exposure_s, config.room_seed),
-        training_path(config.seed, trajectory, config.keypoints),
-        Policy(constant_gain, GainLimits(kp_min=config.kp, kp_max=config.kp), PolicyConfig()),
-        None,
-        run_seed(config.seed, "collect", trajectory),
-        RunConfig(max_s=config.max_s),
+    return Experiment(
+        run=run_shard,
+        profiles=profiles,
+        shards=grid("zigzag-{trajectory}", trajectory="trajectories"),
+        label=twin.label,
+        extent=("trajectories",),
+        rtol=1e-6,
     )
-    return pd.DataFrame([{"trajectory": trajectory} | row for row in rows])
+
+
+EXPERIMENT = collecting(KINEMATIC, PROFILES)

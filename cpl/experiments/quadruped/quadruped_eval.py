@@ -8,49 +8,39 @@ and every policy with the supervisor between it and the robot.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import pandas as pd
 
 from cpl.conformal import RunningMax
-from cpl.experiments.quadruped import quadruped_predictor
-from cpl.experiments.quadruped.lab import POLICIES, RANGES, lab, policy, run_seed
-from cpl.experiments.quadruped.quadruped_collect import PROFILES as COLLECT_PROFILES
-from cpl.experiments.quadruped.quadruped_predictor import trained
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.quadruped.lab import KINEMATIC, POLICIES, RANGES, policy, run_seed
+from cpl.experiments.quadruped.quadruped_collect import PROFILES as COLLECTED
+from cpl.experiments.quadruped.quadruped_predictor import need_predictor, trained
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
+from cpl.experiments.trained.pairs import Models
 from cpl.quadruped import (
     SHAPES,
     GainLimits,
+    Limits,
     Path,
     PolicyConfig,
     Predictor,
     RunConfig,
     SupervisorConfig,
+    World,
     run,
     shape,
     summary,
 )
+from cpl.settings.ranges import Choice, Count, Settings
 
-__all__ = [
-    "LABEL",
-    "PROFILES",
-    "Config",
-    "Walk",
-    "run_shard",
-    "shards",
-    "trained_need",
-    "upstream",
-    "walks",
-]
+__all__ = ["EXPERIMENT", "PROFILES", "Config", "Walk", "walks"]
 
-LABEL = "simulated-kinematic"
-RTOL = 1e-6
 SUPERVISION = ("without", "with")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """What is compared.
 
     Attributes:
@@ -69,32 +59,18 @@ class Config:
         seed: Draws the runs' noise and the predictor's first weights.
     """
 
-    collect: str
-    policies: tuple[str, ...]
-    supervision: tuple[str, ...] = ("without",)
-    shapes: tuple[str, ...] = tuple(SHAPES)
-    ranges: tuple[str, ...] = tuple(RANGES)
-    repeats: int
+    collect: Models
+    policies: Annotated[tuple[str, ...], Choice(POLICIES)]
+    supervision: Annotated[tuple[str, ...], Choice(SUPERVISION)] = ("without",)
+    shapes: Annotated[tuple[str, ...], Choice(tuple(SHAPES))] = tuple(SHAPES)
+    ranges: Annotated[tuple[str, ...], Choice(tuple(RANGES))] = tuple(RANGES)
+    repeats: Count
     alpha: float = 0.2
     q_safe: float = 0.8
     positive_weight: float = 5.0
     epochs: int = 40
     max_s: float = 60.0
     seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name, known in (
-            ("policies", POLICIES),
-            ("supervision", SUPERVISION),
-            ("shapes", tuple(SHAPES)),
-            ("ranges", tuple(RANGES)),
-        ):
-            if unknown := set(getattr(self, name)) - set(known):
-                raise ValueError(f"{name} must be of {known}, not {sorted(unknown)}")
-        if self.collect not in COLLECT_PROFILES:
-            raise ValueError(f"collect must be of {tuple(COLLECT_PROFILES)}, not {self.collect!r}")
-        if self.repeats < 1:
-            raise ValueError(f"repeats must be at least 1, not {self.repeats}")
 
 
 PROFILES = {
@@ -106,22 +82,6 @@ PROFILES = {
 }
 
 
-def shards(config: Config) -> list[Shard]:
-    """Return one shard a shape, range and repeat; it holds all policies, on the same noise."""
-    return [
-        Shard(f"{path}-{gains}-{repeat}", {"shape": path, "range": gains, "repeat": repeat})
-        for path in config.shapes
-        for gains in config.ranges
-        for repeat in range(config.repeats)
-    ]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Name what a shard needs: the trained predictor."""
-    del shard  # the same for all
-    return [trained_need(config)]
-
-
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     """Run every policy once.
 
@@ -129,13 +89,25 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
         One row a run: `shape`, `range`, `repeat`, `policy`, `supervision` and the numbers of
         `cpl.quadruped.summary`.
     """
+    world = KINEMATIC.world(COLLECTED[config.collect])
+    half_width_m = world.config.room.floor_half_width_m
     rows = [
         dict(shard.values)
         | {"policy": walk.policy, "supervision": walk.supervision}
-        | summary(walk.rows, walk.path, floor_half_width_m=walk.floor_half_width_m)
-        for walk in walks(config, shard, trained(inputs))
+        | summary(walk.rows, walk.path, floor_half_width_m=half_width_m)
+        for walk in walks(world, KINEMATIC.limits, config, shard, trained(inputs))
     ]
     return pd.DataFrame(rows)
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("{shape}-{range}-{repeat}", shape="shapes", range="ranges", repeat="repeats"),
+    needs=lambda config, _: need_predictor(config),
+    label=KINEMATIC.label,
+    rtol=1e-6,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,53 +118,35 @@ class Walk:
         policy: Its policy's name.
         supervision: `without` or `with`.
         path: The path it followed.
-        limits: The range of its gain.
-        floor_half_width_m: |x| and |y| of the floor that was meant to be used [m].
-        seed: Of the world's noise; the same for all policies.
         rows: The log.
     """
 
     policy: str
     supervision: str
     path: Path
-    limits: GainLimits
-    floor_half_width_m: float
-    seed: int
     rows: list[dict[str, Any]]
 
 
-def trained_need(config: Config) -> Need:
-    """Name the predictor that a configuration walks with."""
-    settings = quadruped_predictor.Config(
-        collect=config.collect,
-        positive_weight=config.positive_weight,
-        epochs=config.epochs,
-        seed=config.seed,
-    )
-    return Need(
-        experiment="quadruped_predictor", config=settings, shards=("all",), name="predictor"
-    )
+def walks(
+    world: World, limits: Limits, config: Config, shard: Shard, net: Predictor
+) -> Iterator[Walk]:
+    """Walk a shard's runs, one a policy and kind of supervision.
 
-
-def walks(config: Config, shard: Shard, net: Predictor) -> Iterator[Walk]:
-    """Walk a shard's runs, one a policy and kind of supervision."""
-    data = COLLECT_PROFILES[config.collect]
-    world = lab(data.light, data.richness, data.exposure_s, data.room_seed)
+    Args:
+        world: Where.
+        limits: What the robot may be asked for.
+        config: How.
+        shard: Which shape, range and repeat.
+        net: The network.
+    """
     path, (kp_min, kp_max) = shape(shard.text("shape")), RANGES[shard.text("range")]
-    limits = GainLimits(kp_min=kp_min, kp_max=kp_max, q_safe=config.q_safe)
+    gains = GainLimits(kp_min=kp_min, kp_max=kp_max, q_safe=config.q_safe)
     tracking = PolicyConfig(alpha=config.alpha, rule=RunningMax(c=0.1))
     seed = run_seed(config.seed, "eval", path.name, shard.number("repeat"))
+    conduct = RunConfig(max_s=config.max_s, limits=limits)
     for supervision in config.supervision:
         supervisor = SupervisorConfig() if supervision == "with" else None
         for name in config.policies:
-            chosen = policy(name, limits, tracking, net)
-            log = run(world, path, chosen, supervisor, seed, RunConfig(max_s=config.max_s))
-            yield Walk(
-                policy=name,
-                supervision=supervision,
-                path=path,
-                limits=limits,
-                floor_half_width_m=world.config.room.floor_half_width_m,
-                seed=seed,
-                rows=list(log),
-            )
+            chosen = policy(name, gains, tracking, net)
+            rows = list(run(world, path, chosen, supervisor, seed, conduct))
+            yield Walk(policy=name, supervision=supervision, path=path, rows=rows)

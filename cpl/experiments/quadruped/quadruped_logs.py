@@ -13,21 +13,20 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard
 from cpl.logs import read_runs
 from cpl.quadruped import analysis
+from cpl.settings.ranges import Count, Settings
 from cpl.store import data_path
 
-__all__ = ["LABEL", "PROFILES", "Config", "digest", "run_shard", "shards"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config", "digest"]
 
-LABEL = "simulated"
-RTOL = 1e-6
 VALUES = ("start_end_m", "path_error_m", "duration_s", "slam_error_rate")
 ROWS = {"all": 42, "triangle": 43, "hexagon": 44, "rectangle": 45}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """Which logs are read, and how they are asked.
 
     Attributes:
@@ -41,17 +40,15 @@ class Config:
 
     folders: tuple[str, ...]
     sha256: tuple[str, ...]
-    repeats: int = 20
-    W: int = 40
-    resamples: int = 400
+    repeats: Count = 20
+    W: Count = 40
+    resamples: Count = 400
     seed: int = 0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if len(self.folders) != len(self.sha256):
-            raise ValueError(f"sha256 must be one a folder, not {self.sha256}")
-        for name in ("repeats", "W", "resamples"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
+            raise ValueError(f"sha256 must be one a folder, got {self.sha256!r}")
 
 
 FOLDERS = ("quadruped", "quadruped-legged")
@@ -75,7 +72,7 @@ def digest(folder: str) -> str:
     return total.hexdigest()
 
 
-def shards(config: Config) -> list[Shard]:
+def _shards(config: Config) -> list[Shard]:
     """Return one shard a folder."""
     return [
         Shard(folder, {"folder": folder, "sha256": sha256})
@@ -106,6 +103,15 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     names = ["folder", "provenance", "row", "number", "shape", "part", "value", "low", "high", "n"]
     rows["n"] = rows["n"].astype("int64")
     return rows.reindex(columns=names)
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=_shards,
+    label="simulated",
+    rtol=1e-6,
+)
 
 
 def _asked(table: pd.DataFrame, summary: pd.DataFrame, config: Config) -> Iterator[pd.DataFrame]:

@@ -5,37 +5,27 @@ walk with, and once with each fifth of the paths held out. Paper: Section V-B; i
 number. Persistence, that an error now means an error in two steps, is what it has to beat.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from cpl.experiments.quadruped import quadruped_collect
 from cpl.experiments.quadruped.lab import training_runs
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Inputs, Need, Shard
+from cpl.experiments.trained.pairs import Models
 from cpl.quadruped import Predictor, TrainingConfig, auc, train
 from cpl.quadruped.predictor import decode_predictor, encode_predictor
+from cpl.quadruped.training import Run
+from cpl.settings.ranges import Natural, Settings
 
-__all__ = [
-    "EXTENT",
-    "LABEL",
-    "PROFILES",
-    "Config",
-    "fitted",
-    "run_shard",
-    "shards",
-    "trained",
-    "upstream",
-]
-
-LABEL = "simulated-kinematic"
-RTOL = 1e-6
-EXTENT = ("folds",)
+__all__ = ["EXPERIMENT", "PROFILES", "Config", "need_predictor", "predicting", "trained"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """What is trained on what.
 
     Attributes:
@@ -46,18 +36,16 @@ class Config:
         seed: Draws the first weights and the order of the rows.
     """
 
-    collect: str
-    folds: int = 5
+    collect: Models
+    folds: Natural = 5
     positive_weight: float = 5.0
     epochs: int = 40
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.collect not in quadruped_collect.PROFILES:
-            known = tuple(quadruped_collect.PROFILES)
-            raise ValueError(f"collect must be of {known}, not {self.collect!r}")
-        if self.folds < 0 or self.folds == 1:
-            raise ValueError(f"folds must be 0 or at least 2, not {self.folds}")
+        super().__post_init__()
+        if self.folds == 1:
+            raise ValueError(f"folds must be 0 or at least 2, got {self.folds!r}")
 
 
 PROFILES = {
@@ -67,39 +55,74 @@ PROFILES = {
 }
 
 
-def shards(config: Config) -> list[Shard]:
+def _shards(config: Config) -> list[Shard]:
     """Return one shard for the network that is used, and one a fold."""
     folds = [Shard(f"fold-{k}", {"fold": k}) for k in range(config.folds)]
     return [Shard("all", {"fold": -1}), *folds]
 
 
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Name what a shard needs: all collected trajectories."""
-    del shard
-    settings = quadruped_collect.PROFILES[config.collect]
-    names = tuple(each.name for each in quadruped_collect.shards(settings))
-    return [Need(experiment="quadruped_collect", config=settings, shards=names, name="log")]
+def predicting(
+    collection: str, collected: Experiment, profiles: Mapping[str, Config]
+) -> Experiment:
+    """Return the experiment that trains on a collection, by its name."""
+
+    def needs(config: Config, shard: Shard) -> list[Need]:
+        """Ask for all collected trajectories."""
+        del shard
+        settings = collected.profiles[config.collect]
+        names = tuple(each.name for each in collected.shards(settings))
+        return [Need(experiment=collection, config=settings, shards=names, name="log")]
+
+    def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
+        """Train once.
+
+        Returns:
+            One row: `fold` (-1: nothing held out, so judged on its own training data),
+            `training_rows`, `rows` and `errors` it is judged on, `auc`, `brier`,
+            `auc_persistence`, `brier_persistence`, `brier_constant` (the training share of errors
+            as the forecast), and `model`, the network of fold -1.
+        """
+        data = collected.profiles[config.collect]
+        rows = pd.concat(inputs["log"].values(), ignore_index=True)
+        runs = training_runs(rows, data.seed, data.keypoints)
+        return _fitted(config, shard.number("fold"), runs)
+
+    return Experiment(
+        run=run_shard,
+        profiles=profiles,
+        shards=_shards,
+        needs=needs,
+        label=collected.label,
+        extent=("folds",),
+        rtol=1e-6,
+    )
 
 
-def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
-    """Train once.
+EXPERIMENT = predicting("quadruped_collect", quadruped_collect.EXPERIMENT, PROFILES)
 
-    Returns:
-        One row: `fold` (-1: nothing held out, so judged on its own training data),
-        `training_rows`, `rows` and `errors` it is judged on, `auc`, `brier`, `auc_persistence`,
-        `brier_persistence`, `brier_constant` (the training share of errors as the forecast), and
-        `model`, the network of fold -1.
+
+def need_predictor(config: Any, experiment: str = "quadruped_predictor") -> list[Need]:  # noqa: ANN401
+    """Ask for the network that walks are made with.
+
+    Args:
+        config: Of the walks: how the network is trained.
+        experiment: What trains it.
     """
-    data = quadruped_collect.PROFILES[config.collect]
-    return fitted(config, shard, inputs, seed=data.seed, keypoints=data.keypoints)
+    settings = Config(
+        collect=config.collect,
+        positive_weight=config.positive_weight,
+        epochs=config.epochs,
+        seed=config.seed,
+    )
+    return [Need(experiment=experiment, config=settings, shards=("all",), name="predictor")]
 
 
-def fitted(
-    config: Config, shard: Shard, inputs: Inputs, *, seed: int, keypoints: int
-) -> pd.DataFrame:
-    """Train once on a collection whose paths were drawn by `seed`; see `run_shard`."""
-    rows = pd.concat(inputs["log"].values(), ignore_index=True)
-    runs, fold = training_runs(rows, seed, keypoints), shard.number("fold")
+def trained(inputs: Inputs) -> Predictor:
+    """Return the network among the inputs of a shard that needs it."""
+    return decode_predictor(inputs["predictor"]["all"]["model"].iloc[0])[0]
+
+
+def _fitted(config: Config, fold: int, runs: list[Run]) -> pd.DataFrame:
     chosen = [run for k, run in enumerate(runs) if fold < 0 or k % config.folds != fold]
     judged = [run for k, run in enumerate(runs) if fold < 0 or k % config.folds == fold]
     training = TrainingConfig(positive_weight=config.positive_weight, epochs=config.epochs)
@@ -119,8 +142,3 @@ def fitted(
         "model": encode_predictor(net, {"seed": config.seed}) if fold < 0 else b"",
     }
     return pd.DataFrame([row])
-
-
-def trained(inputs: Inputs) -> Predictor:
-    """Return the network among the inputs of a shard that needs it."""
-    return decode_predictor(inputs["predictor"]["all"]["model"].iloc[0])[0]

@@ -15,22 +15,21 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard, grid
 from cpl.logs import read_run
 from cpl.quadruped import Predictor
 from cpl.robot import Plan, Walked, evaluation, perform, urgent
 from cpl.robot.live import Emulated, emulated
+from cpl.settings.ranges import Count, Positive, Settings
 
-__all__ = ["LABEL", "PROFILES", "Config", "run_shard", "shards"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated-kinematic"
 # What was measured depends on the machine and on the moment, so floats are not compared when this
 # is verified; that the rules were followed in every step is counted in whole numbers, and is.
-RTOL = 1e12
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """What is run.
 
     Attributes:
@@ -41,16 +40,11 @@ class Config:
         seed: Draws the forecasts and the emulator's noise.
     """
 
-    runs: int
-    max_s: float = 20.0
+    runs: Count
+    max_s: Positive = 20.0
     world: str = "twin"
     library: str = "auto"
     seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("runs", "max_s"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be above 0, not {getattr(self, name)}")
 
 
 PROFILES = {
@@ -58,11 +52,6 @@ PROFILES = {
     "book": Config(runs=2, max_s=10.0),
     "paper": Config(runs=6),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """Return one shard a run."""
-    return [Shard(f"run-{k}", {"run": k}) for k in range(config.runs)]
 
 
 def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
@@ -99,6 +88,15 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     measured["stream_error_p99_s"] = stream["period_error_p99_ms"] / 1e3
     row = {"run": k, "library": session.base.library} | _rules(log, plan, walked) | measured
     return pd.DataFrame([row])
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("run-{run}", run="runs"),
+    label="simulated-kinematic",
+    rtol=1e12,
+)
 
 
 def _rules(log: pd.DataFrame, plan: Plan, walked: Walked) -> dict[str, Any]:

@@ -7,19 +7,19 @@ first seconds of many roads are enough. EnvPool is installed with the extra `ben
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard, grid
 from cpl.highway import Config as Road
 from cpl.highway import Engine
+from cpl.settings.ranges import Count, Settings, interval
 
-__all__ = ["LABEL", "PROFILES", "Config", "run_shard", "shards"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
 
 _SLOWER = 4
 _SIDES = ("left", "right")
@@ -28,7 +28,7 @@ _MOVING = 0.2  # [m/s] across the road, above what steering along a lane gives
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """How many roads are watched, and for how long.
 
     Attributes:
@@ -39,19 +39,11 @@ class Config:
         lanes_count: Lanes; with many, many cars can go both ways.
     """
 
-    roads: int
-    seconds: int = 2
+    roads: Count
+    seconds: Count = 2
     seed: int = 0
     vehicles_count: int = 50
-    lanes_count: int = 6
-
-    def __post_init__(self) -> None:
-        if self.lanes_count < 3:
-            raise ValueError(f"lanes_count must be at least 3, got {self.lanes_count!r}")
-        if self.roads < 1 or self.seconds < 1:
-            raise ValueError(
-                f"roads and seconds must be at least 1, got {self.roads!r} and {self.seconds!r}"
-            )
+    lanes_count: Annotated[int, interval("[3, inf)")] = 6
 
 
 PROFILES = {
@@ -59,12 +51,6 @@ PROFILES = {
     "book": Config(roads=512),
     "paper": Config(roads=2048),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """One engine a shard."""
-    del config
-    return [Shard(engine, {"engine": engine}) for engine in ("cpl.highway", "EnvPool")]
 
 
 def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
@@ -85,6 +71,14 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     table = pd.DataFrame(rows)
     table.insert(0, "engine", shard.text("engine"))
     return table
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("{engine}", engine=("cpl.highway", "EnvPool")),
+    label="simulated",
+)
 
 
 def _moving(obs: npt.NDArray[Any], lanes_count: int) -> tuple[int, int]:

@@ -6,26 +6,25 @@ derived from the cars' positions stored here.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
 
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard, grid
 from cpl.highway.proximity import nearest_distance, proximity
 from cpl.highway.reference import read_state, reference_env
 from cpl.policies.headway import Headway
+from cpl.settings.ranges import Count, Settings, interval
 
-__all__ = ["LABEL", "PROFILES", "RTOL", "Config", "along", "run_shard", "shards"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config", "along"]
 
-LABEL = "simulated"
-RTOL = 1e-6  # the last bits of highway-env's mathematics differ between processors
 
 _KEPT = 150.0  # [m] cars farther along the road than this are not stored
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """The rides.
 
     Attributes:
@@ -42,8 +41,8 @@ class Config:
 
     top_speeds_mps: tuple[float, ...] = (30.0, 40.0)
     low_speed_mps: float = 20.0
-    levels: int = 3
-    rides: int
+    levels: Annotated[int, interval("[2, inf)")] = 3
+    rides: Count
     first_seed: int = 0
     time_gap_s: float = 1.0
     lanes_count: int = 4
@@ -51,10 +50,7 @@ class Config:
     duration_s: int
 
     def __post_init__(self) -> None:
-        if self.rides < 1:
-            raise ValueError(f"rides must be at least 1, got {self.rides!r}")
-        if self.levels < 2:
-            raise ValueError(f"levels must be at least 2, got {self.levels!r}")
+        super().__post_init__()
         if min(self.top_speeds_mps) <= self.low_speed_mps:
             raise ValueError(
                 f"top_speeds_mps must exceed low_speed_mps, got {self.top_speeds_mps!r}"
@@ -66,15 +62,6 @@ PROFILES = {
     "book": Config(rides=2, duration_s=20),
     "paper": Config(rides=8, duration_s=40),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """One ride a shard."""
-    return [
-        Shard(f"top{top:g}-ride{k}", {"top_speed_mps": top, "ride": k})
-        for top in config.top_speeds_mps
-        for k in range(config.rides)
-    ]
 
 
 def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
@@ -103,6 +90,15 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     table.insert(0, "top_speed_mps", top)
     table.insert(1, "ride", shard.number("ride"))
     return table.reset_index(drop=True)
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("top{top_speed_mps:g}-ride{ride}", top_speed_mps="top_speeds_mps", ride="rides"),
+    label="simulated",
+    rtol=1e-6,  # the last bits of highway-env's mathematics differ between processors
+)
 
 
 def along(table: pd.DataFrame) -> pd.DataFrame:

@@ -4,20 +4,20 @@ Paper: Section IV, "We normalize l into the [0,1] interval".
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard, whole
 from cpl.highway.proximity import proximity
+from cpl.settings.ranges import Settings, interval
 
-__all__ = ["LABEL", "PROFILES", "Config", "run_shard", "shards"]
-
-LABEL = "exact"
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """Distances at which the transformation is evaluated.
 
     Attributes:
@@ -25,16 +25,8 @@ class Config:
         points: Number of distances, from 0 on, evenly spaced.
     """
 
-    farthest_m: float
-    points: int
-
-    def __post_init__(self) -> None:
-        if self.points < 2:
-            msg = f"points must be at least 2, got {self.points!r}"
-            raise ValueError(msg)
-        if not 0 < self.farthest_m <= 7000:
-            msg = f"farthest_m must lie in (0, 7000] (floats underflow), got {self.farthest_m!r}"
-            raise ValueError(msg)
+    farthest_m: Annotated[float, interval("(0, 7000]")]
+    points: Annotated[int, interval("[2, inf)")]
 
 
 PROFILES = {
@@ -44,14 +36,16 @@ PROFILES = {
 }
 
 
-def shards(config: Config) -> list[Shard]:
-    """Return the one piece there is."""
-    del config
-    return [Shard("all")]
-
-
 def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     """Evaluate the transformation: columns ``l_m`` [m] and ``l_tilde`` [-], one row a distance."""
     del shard
     l_m = np.linspace(0.0, config.farthest_m, config.points)
     return pd.DataFrame({"l_m": l_m, "l_tilde": proximity(l_m)})
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=whole,
+    label="exact",
+)

@@ -9,22 +9,21 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard, grid
 from cpl.highway import Config as Road
 from cpl.highway import Engine, highway_env_options
 from cpl.highway.reference import read_state, reference_env
 from cpl.rng import stream
+from cpl.settings.ranges import Count, Settings
 
-__all__ = ["LABEL", "PROFILES", "Config", "differences", "run_shard", "shards"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config", "differences"]
 
-LABEL = "simulated"
-RTOL = 1e-6  # the last bits of highway-env's mathematics differ between processors
 
 _ENGINES = ("highway-env", "cpl.highway")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """The ride.
 
     Attributes:
@@ -36,14 +35,10 @@ class Config:
     """
 
     seed: int = 0
-    steps: int
+    steps: Count
     vehicles_count: int
     lanes_count: int = 4
     top_speed_mps: float = 40.0
-
-    def __post_init__(self) -> None:
-        if self.steps < 1:
-            raise ValueError(f"steps must be at least 1, got {self.steps!r}")
 
 
 PROFILES = {
@@ -51,12 +46,6 @@ PROFILES = {
     "book": Config(steps=20, vehicles_count=20),
     "paper": Config(steps=40, vehicles_count=50),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """One engine a shard."""
-    del config
-    return [Shard(engine, {"engine": engine}) for engine in _ENGINES]
 
 
 def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
@@ -79,6 +68,15 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     )
     table.insert(0, "engine", engine)
     return table.rename_axis("vehicle").reset_index()
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("{engine}", engine=_ENGINES),
+    label="simulated",
+    rtol=1e-6,  # the last bits of highway-env's mathematics differ between processors
+)
 
 
 def differences(table: pd.DataFrame) -> pd.Series:

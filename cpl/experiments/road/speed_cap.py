@@ -10,22 +10,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard, grid
 from cpl.highway import PAPER, Engine, highway_env_options
 from cpl.highway import Config as Road
 from cpl.highway.reference import read_state, reference_env
+from cpl.settings.ranges import Count, Settings
 
-__all__ = ["LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
-RTOL = 1e-9
 
 _FASTER = 3
 _ENGINES = ("highway-env", "cpl.highway")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """The ranges and how long the throttle is held.
 
     Attributes:
@@ -36,11 +35,10 @@ class Config:
 
     top_speeds_mps: tuple[float, ...] = (30.0, 40.0, 50.0)
     low_speed_mps: float = 20.0
-    seconds: int
+    seconds: Count
 
     def __post_init__(self) -> None:
-        if self.seconds < 1:
-            raise ValueError(f"seconds must be at least 1, got {self.seconds!r}")
+        super().__post_init__()
         if min(self.top_speeds_mps) <= self.low_speed_mps:
             raise ValueError(
                 f"top_speeds_mps must exceed low_speed_mps, got {self.top_speeds_mps!r}"
@@ -52,15 +50,6 @@ PROFILES = {
     "book": Config(seconds=12),
     "paper": Config(seconds=40),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """One engine and range a shard."""
-    return [
-        Shard(f"{engine}-{top:g}", {"engine": engine, "top_mps": top})
-        for engine in _ENGINES
-        for top in config.top_speeds_mps
-    ]
 
 
 def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
@@ -85,6 +74,14 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
             "vehicles_count": PAPER.vehicles_count,
         }
     )
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("{engine}-{top_mps:g}", engine=_ENGINES, top_mps="top_speeds_mps"),
+    label="simulated",
+)
 
 
 def _ours(road: Road, seconds: int) -> Iterator[float]:

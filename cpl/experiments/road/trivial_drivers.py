@@ -9,19 +9,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard
 from cpl.highway import PAPER, Policy, run_episodes
 from cpl.rng import stream
+from cpl.settings.ranges import Count, Natural, Settings
 
-__all__ = ["LABEL", "PROFILES", "Config", "run_shard", "shards", "summary"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config", "summary"]
 
-LABEL = "simulated"
 
 _FASTER, _SLOWER = 3, 4  # highway-env's actions
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """The drivers and how often each drives.
 
     Attributes:
@@ -37,16 +37,10 @@ class Config:
     cruise_speeds_mps: tuple[float, ...]
     top_speeds_mps: tuple[float, ...] = (30.0, 40.0, 50.0)
     low_speed_mps: float = 20.0
-    episodes: int
-    first_seed: int = 0
+    episodes: Count
+    first_seed: Natural = 0
     vehicles_count: int = 50
     lanes_count: int = 4
-
-    def __post_init__(self) -> None:
-        if self.episodes < 1:
-            raise ValueError(f"episodes must be at least 1, got {self.episodes!r}")
-        if self.first_seed < 0:
-            raise ValueError(f"first_seed must not be negative, got {self.first_seed!r}")
 
 
 PROFILES = {
@@ -56,7 +50,7 @@ PROFILES = {
 }
 
 
-def shards(config: Config) -> list[Shard]:
+def _shards(config: Config) -> list[Shard]:
     """One driver a shard."""
     held = [
         Shard(f"cruise-{v:g}", {"driver": "cruise", "speed": v}) for v in config.cruise_speeds_mps
@@ -93,6 +87,14 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     table.insert(0, "driver", driver)
     table.insert(1, "speed_mps", speed)
     return table
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=_shards,
+    label="simulated",
+)
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:

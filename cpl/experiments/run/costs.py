@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from cpl.experiments.run.found import names
-from cpl.experiments.run.inputs import without_extent
 from cpl.experiments.run.job import Job, experiment, job
 from cpl.experiments.run.schedule import Piece
-from cpl.store import WorkStore, atomic_write, data_path, plain, read_manifest
+from cpl.store import WorkStore, atomic_write, data_path, read_manifest
 
 __all__ = ["Stage", "expected_seconds", "record", "stages"]
 
@@ -78,7 +77,7 @@ def stages() -> tuple[list[Stage], list[str]]:
         )
 
     for name in names():
-        if _PUBLISHED in experiment(name).PROFILES:
+        if _PUBLISHED in experiment(name).profiles:
             add(name)
     return list(found.values()), unknown
 
@@ -104,7 +103,7 @@ def record(store: WorkStore | None = None) -> Path:
     store = WorkStore() if store is None else store
     known = _read()
     for name in names():
-        if _PUBLISHED not in experiment(name).PROFILES:
+        if _PUBLISHED not in experiment(name).profiles:
             continue
         task = job(name, _PUBLISHED)
         fresh = _stored(store, task)
@@ -118,7 +117,7 @@ def record(store: WorkStore | None = None) -> Path:
 
 def _stored(store: WorkStore, task: Job) -> dict[str, float]:
     """Return the seconds of the pieces, those that were computed last where there are several."""
-    asked = without_extent(task.module, plain(task.config))
+    asked = task.parameters
     seconds: dict[str, tuple[float, float]] = {}
     for key, told in store.descriptions(task.name).items():
         if told.get("parameters") != asked:

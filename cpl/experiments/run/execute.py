@@ -1,16 +1,16 @@
 """Run the missing shards of a job, and before them those of other experiments that they need."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import pandas as pd
 
-from cpl.experiments.run.inputs import digests, published_shards, without_extent
-from cpl.experiments.run.job import Job, job_of
-from cpl.experiments.run.need import Inputs, Need
+from cpl.experiments.run.inputs import digests, published_shards
+from cpl.experiments.run.job import Job, experiment, job_of
 from cpl.experiments.run.result import Provenance, Result
+from cpl.experiments.run.spec import Inputs, Need
 from cpl.store import (
     PublishedShard,
     WorkStore,
@@ -46,7 +46,7 @@ def run_job(
         published=False,
         parameters=plain(task.config),
         seeds=_seeds(plain(task.config)),
-        label=task.module.LABEL,
+        label=task.spec.label,
         commit=source_commit(),
         modules=task.modules,
         versions=task.versions,
@@ -65,7 +65,7 @@ def run_again(task: Job, shard: str) -> pd.DataFrame:
     """Run one shard anew, whatever the store holds; its inputs are found, or computed."""
     how = _How(store=WorkStore(), workers=1, cluster=None, quiet=True)
     inputs = _inputs(task, [shard], how)[shard]
-    return _run_shard(task.module.run_shard, task.config, _arguments(task, shard, inputs))
+    return _run_shard(task.name, task.config, _arguments(task, shard, inputs))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +91,7 @@ def _swept(task: Job, names: Sequence[str], how: _How) -> tuple[Outcome, dict[st
         told.append(known[key].get("rules", {}) if key in known else rules_in_force())
         how.store.describe(task.name, key, {**_description(task), "rules": told[-1]})
     outcome = sweep(
-        partial(_run_shard, task.module.run_shard, task.config),
+        partial(_run_shard, task.name, task.config),
         {n: _arguments(task, n, inputs[n]) for n in names},
         stage=task.name,
         key=keys,
@@ -111,11 +111,11 @@ def _arguments(task: Job, shard: str, inputs: Inputs) -> tuple[Any, ...]:
 
 
 def _run_shard(
-    function: Callable[..., pd.DataFrame],
+    name: str,
     config: Any,  # noqa: ANN401 - its own Config
     shard_and_inputs: tuple[Any, ...],
 ) -> pd.DataFrame:
-    return function(config, *shard_and_inputs)
+    return experiment(name).run(config, *shard_and_inputs)
 
 
 def _inputs(
@@ -149,7 +149,7 @@ def _found(need: Need, how: _How) -> dict[str, pd.DataFrame]:
     if unknown := [name for name in need.shards if name not in task.pieces]:
         msg = f"shards of {need.experiment!r} must be among its own, got {unknown}"
         raise ValueError(msg)
-    found = published_shards(need, task.module)
+    found = published_shards(need, task.spec)
     missing = [name for name in need.shards if name not in found]
     return {**found, **(_swept(task, missing, how)[0].tables if missing else {})}
 
@@ -157,7 +157,7 @@ def _found(need: Need, how: _How) -> dict[str, pd.DataFrame]:
 def _description(task: Job) -> dict[str, Any]:
     return {
         "experiment": task.name,
-        "parameters": without_extent(task.module, plain(task.config)),
+        "parameters": task.parameters,
         "modules": task.modules,
         "versions": task.versions,
         "shards": len(task.pieces),

@@ -1,6 +1,6 @@
 """Which experiments there are, found by their folders: nothing is registered, nothing imported.
 
-A module below `cpl.experiments` that defines `run_shard` is an experiment, and its file's name is
+A module below `cpl.experiments` that binds `EXPERIMENT` is an experiment, and its file's name is
 the experiment's. The other modules of a folder are what its experiments share.
 """
 
@@ -11,7 +11,7 @@ from pathlib import Path
 __all__ = ["module_of", "names"]
 
 _ROOM = "cpl.experiments"
-_MARK = re.compile(r"^def run_shard\(", re.MULTILINE)
+_MARK = re.compile(r"^EXPERIMENT\b", re.MULTILINE)
 
 
 def names() -> tuple[str, ...]:

@@ -1,16 +1,15 @@
 """Where inputs come from: published shards first, and what keys a shard that has inputs."""
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import Any
 
 import pandas as pd
 
-from cpl.experiments.run.need import Inputs, Need
+from cpl.experiments.run.spec import Experiment, Inputs, Need
 from cpl.store import Manifest, data_path, plain, read_manifest, read_published, table_digest
 
-__all__ = ["digests", "fresh", "published_shards", "without_extent"]
+__all__ = ["digests", "fresh", "published_shards"]
 
 
 def fresh() -> bool:
@@ -18,26 +17,17 @@ def fresh() -> bool:
     return os.environ.get("CPL_FRESH", "") not in ("", "0")
 
 
-def without_extent(module: Any, parameters: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ANN401
-    """Leave out the settings that only say how many shards there are.
-
-    An experiment names them in its ``EXTENT``: a shard of ten seeds is the shard of one seed.
-    """
-    extent = getattr(module, "EXTENT", ())
-    return {name: value for name, value in parameters.items() if name not in extent}
-
-
-def published_shards(need: Need, module: Any) -> dict[str, pd.DataFrame]:  # noqa: ANN401
+def published_shards(need: Need, spec: Experiment) -> dict[str, pd.DataFrame]:
     """Return those of the needed shards that were published with the same settings."""
     if fresh():
         return {}
-    asked = without_extent(module, plain(need.config))
-    for profile in module.PROFILES:
+    asked = spec.without_extent(plain(need.config))
+    for profile in spec.profiles:
         try:
             manifest = read_manifest(need.experiment, profile)
         except FileNotFoundError:
             continue
-        if without_extent(module, manifest.parameters) != asked:
+        if spec.without_extent(manifest.parameters) != asked:
             continue
         here = {shard.name for shard in manifest.shards} & set(need.shards)
         if here:

@@ -8,9 +8,10 @@ import pandas as pd
 
 from cpl.experiments.run.execute import run_again, run_job
 from cpl.experiments.run.found import module_of
-from cpl.experiments.run.job import Experiment, Job, experiment, job, job_of
+from cpl.experiments.run.job import Job, experiment, job, job_of
 from cpl.experiments.run.result import Provenance, Report, Result
 from cpl.experiments.run.settings import changed
+from cpl.experiments.run.spec import Experiment
 from cpl.rng import stream
 from cpl.store import (
     Manifest,
@@ -29,7 +30,6 @@ from cpl.store import (
 )
 
 __all__ = [
-    "Experiment",
     "Job",
     "compute",
     "experiment",
@@ -67,7 +67,7 @@ def publish_result(result: Result) -> Manifest:
         ValueError: If its settings are not those of a profile: only profiles are published.
     """
     told = result.provenance
-    if told.profile not in experiment(told.experiment).PROFILES:
+    if told.profile not in experiment(told.experiment).profiles:
         msg = f"profile must be unchanged to be published, got {told.profile!r}"
         raise ValueError(msg)
     publish(result.table, manifest_of(result))
@@ -105,8 +105,8 @@ def manifest_of(result: Result) -> Manifest:
 def published(name: str, profile: str) -> Result:
     """Read a published result; see `cpl.experiments.published`."""
     table, manifest = read_published(name, profile)
-    module = experiment(name)
-    today_config = module.PROFILES.get(profile)
+    spec = experiment(name)
+    today_config = spec.profiles.get(profile)
     reasons = staleness(
         manifest,
         None if today_config is None else plain(today_config),
@@ -131,7 +131,7 @@ def published(name: str, profile: str) -> Result:
         shards=tuple(manifest.shards),
         rules=manifest.rules,
     )
-    config = _rebuilt(module, profile, manifest.parameters)
+    config = _rebuilt(spec, profile, manifest.parameters)
     return Result(table=table, config=config, provenance=provenance)
 
 
@@ -143,9 +143,9 @@ def verify(name: str, profile: str, *, sample: int, seed: int, record: bool = Fa
     if sample < 1:
         msg = f"sample must be positive, got {sample!r}"
         raise ValueError(msg)
-    module = experiment(name)
+    spec = experiment(name)
     table, manifest = read_published(name, profile)
-    task = job_of(name, profile, _rebuilt(module, profile, manifest.parameters))
+    task = job_of(name, profile, _rebuilt(spec, profile, manifest.parameters))
     rng = stream(seed, "verify", name, profile)
     count = min(sample, len(manifest.shards))
     drawn = sorted(rng.choice(len(manifest.shards), size=count, replace=False).tolist())
@@ -177,8 +177,7 @@ def _difference(task: Job, shard: str, stored: pd.DataFrame) -> str | None:
     if shard not in task.pieces:
         return "the experiment has no such shard any more"
     computed = run_again(task, shard)
-    rtol = float(getattr(task.module, "RTOL", 1e-9))
-    return same_table(computed, stored.reset_index(drop=True), rtol=rtol)
+    return same_table(computed, stored.reset_index(drop=True), rtol=task.spec.rtol)
 
 
 def _record(manifest: Manifest, shards: Sequence[str]) -> None:
@@ -192,7 +191,7 @@ def _record(manifest: Manifest, shards: Sequence[str]) -> None:
     record_verification(manifest, verification)
 
 
-def _rebuilt(module: Experiment, profile: str, parameters: Mapping[str, Any]) -> Any:  # noqa: ANN401
+def _rebuilt(spec: Experiment, profile: str, parameters: Mapping[str, Any]) -> Any:  # noqa: ANN401
     """Return the configuration that published parameters stand for."""
-    pattern = module.PROFILES.get(profile, next(iter(module.PROFILES.values())))
+    pattern = spec.profiles.get(profile, next(iter(spec.profiles.values())))
     return changed(pattern, parameters)

@@ -6,16 +6,17 @@ are faster or nearer to highway-env, and differ from this in last bits.
 """
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 
 from cpl.conformal import Fixed, RunningMax
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.trained import base_policies, forecasts
-from cpl.experiments.trained.forecasters import need_forecasts, suite_of
-from cpl.experiments.trained.policies import base_policy, need_base_policies
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
+from cpl.experiments.trained.forecasters import suite_of
+from cpl.experiments.trained.needs import needs
+from cpl.experiments.trained.pairs import Models
+from cpl.experiments.trained.policies import base_policy
 from cpl.forecast.methods import Plain
 from cpl.highway import PAPER
 from cpl.highway import Config as Road
@@ -24,18 +25,17 @@ from cpl.policies.controls import Always
 from cpl.policies.evaluate import Drivers, Tracking, drive
 from cpl.policies.greedy import Greedy
 from cpl.policies.switch import Switch, thresholds
+from cpl.settings.ranges import Choice, Count, Natural, Probability, Settings, interval
 
-__all__ = ["DRIVERS", "LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards", "upstream"]
+__all__ = ["DRIVERS", "EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
-RTOL = 0.0
 
 DRIVERS = ("safe", "speed", "switch", "no quantile")
 _HORIZON = 3  # [steps] how far the forecast looks
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """The road, who drives on it, and the tracker.
 
     Attributes:
@@ -58,34 +58,27 @@ class Config:
         episodes: Episodes of each driver.
     """
 
-    pair: int = 0
-    models: str = "paper"
-    drivers: tuple[str, ...] = ("switch", "speed")
+    pair: Natural = 0
+    models: Models = "paper"
+    drivers: Annotated[tuple[str, ...], Choice(DRIVERS)] = ("switch", "speed")
     low_speed_mps: float = 20.0
     top_speed_mps: float = 40.0
     levels: int = 3
     vehicles_density: float = 1.0
     observation_noise: float = 0.0
     q_safe: float = 0.3
-    alpha: float = 0.1
+    alpha: Probability = 0.1
     step: float = 0.1
     running: bool = True
-    delay: int = 3
+    delay: Annotated[int, interval(f"[{_HORIZON}, inf)")] = 3
     carry: bool = False
-    first_seed: int = 20_000_000
-    episodes: int = 100
+    first_seed: Natural = 20_000_000
+    episodes: Count = 100
 
     def __post_init__(self) -> None:
-        wrong = [name for name in self.drivers if name not in DRIVERS]
-        if wrong or not self.drivers:
-            raise ValueError(f"drivers must be of {DRIVERS}, got {self.drivers!r}")
-        for name, least in (("pair", 0), ("first_seed", 0), ("episodes", 1), ("delay", _HORIZON)):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)!r}")
-        if self.models not in base_policies.PROFILES.keys() & forecasts.PROFILES.keys():
-            raise ValueError(f"models must be a profile of base_policies, got {self.models!r}")
-        if not 0 < self.alpha < 1:
-            raise ValueError(f"alpha must lie in (0, 1), got {self.alpha!r}")
+        super().__post_init__()
+        if not self.drivers:
+            raise ValueError("drivers must name at least one, got none")
         thresholds(self.q_safe)
         self.road()
         self.rule()
@@ -110,21 +103,6 @@ PROFILES = {
     "book": Config(),
     "paper": Config(episodes=500),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """One a driver."""
-    return [Shard(name.replace(" ", "-"), {"driver": name}) for name in config.drivers]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Ask for the pair's policies and forecasters."""
-    del shard
-    policies = base_policies.PROFILES[config.models]
-    networks = forecasts.PROFILES[config.models]
-    policies = replace(policies, pairs=max(policies.pairs, config.pair + 1))
-    networks = replace(networks, pairs=max(networks.pairs, config.pair + 1))
-    return [need_base_policies(policies, [config.pair]), need_forecasts(networks, [config.pair])]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -155,3 +133,13 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     table = rides.episodes.drop(columns="setting")
     table.insert(0, "driver", name)
     return table
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("{driver}", driver="drivers"),
+    needs=lambda config, shard: needs(config.models, config.pair),
+    label="simulated",
+    rtol=0.0,
+)

@@ -7,12 +7,12 @@ over a setting of its own, on the same environment seeds.
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
 from cpl.experiments.switch.setup import (
     HORIZON,
     Setup,
@@ -21,13 +21,13 @@ from cpl.experiments.switch.setup import (
     curve,
     drive,
     drivers_of,
-    needs,
     pairs_of,
     road_of,
     tracking_of,
     validation_seeds,
 )
 from cpl.experiments.trained.forecasters import forecaster
+from cpl.experiments.trained.needs import needs_of_pair
 from cpl.highway import Config as Road
 from cpl.policies.controls import (
     Always,
@@ -43,13 +43,11 @@ from cpl.policies.controls import (
 )
 from cpl.policies.evaluate import Drivers, Forecast
 from cpl.policies.switch import Switch
+from cpl.settings.ranges import Count, interval
 from cpl.stats import split_conformal_rank
 
-__all__ = ["EXTENT", "LABEL", "PROFILES", "Config", "run_shard", "shards", "upstream"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
-EXTENT = ("pairs", "first_pair")
-RTOL = 1e-5  # sums of speeds are stored in single precision
 
 _TRAINING_TOP = 30.0  # [m/s] the speed range in which everything was trained
 
@@ -66,20 +64,16 @@ class Config(Setup):
         seed: Of coins and dice.
     """
 
-    points: int = 6
-    donors: int = 60
-    oracle_blocks: int
+    points: Annotated[int, interval("[2, inf)")] = 6
+    donors: Count = 60
+    oracle_blocks: Count
     oracle_horizons: tuple[int, ...] = (2, 3, 4)
     seed: int = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.points < 2:
-            raise ValueError(f"points must be at least 2, got {self.points!r}")
-        if not 1 <= self.oracle_blocks <= self.blocks:
+        if self.oracle_blocks > self.blocks:
             raise ValueError(f"oracle_blocks must lie in [1, blocks], got {self.oracle_blocks!r}")
-        if self.donors < 1:
-            raise ValueError(f"donors must be at least 1, got {self.donors!r}")
 
 
 PROFILES = {
@@ -93,16 +87,6 @@ PROFILES = {
     ),
     "paper": Config(pairs=10, episodes=250, validation_episodes=30, blocks=25, oracle_blocks=10),
 }  # fmt: skip
-
-
-def shards(config: Config) -> list[Shard]:
-    """One pair a shard."""
-    return [Shard(f"pair{pair}", {"pair": pair}) for pair in pairs_of(config)]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Return what a shard is computed from: a pair of policies and its forecaster."""
-    return needs(config, shard.number("pair"))
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -124,6 +108,17 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
         [compact(table, {"pair": pair, "control": name}) for name, table in tables.items()],
         ignore_index=True,
     )
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("pair{pair}", pair=pairs_of),
+    needs=needs_of_pair,
+    label="simulated",
+    extent=("pairs", "first_pair"),
+    rtol=1e-5,  # sums of speeds are stored in single precision
+)
 
 
 def _quantiles(

@@ -14,35 +14,24 @@ import pandas as pd
 
 from cpl.conformal import RunningMax, track_episodes
 from cpl.conformal.sequence import step_sizes
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
 from cpl.experiments.switch.setup import (
     HORIZON,
     Setup,
     drive,
     drivers_of,
     evaluation_seeds,
-    needs,
     pairs_of,
     road_of,
 )
 from cpl.experiments.trained.forecasters import forecaster
+from cpl.experiments.trained.needs import needs_of_pair
 from cpl.policies.controls import Always
 from cpl.policies.evaluate import Drivers, Forecast
+from cpl.settings.ranges import Count
 
-__all__ = [
-    "EXTENT",
-    "LABEL",
-    "PROFILES",
-    "Config",
-    "longest_run",
-    "run_shard",
-    "shards",
-    "upstream",
-]
+__all__ = ["EXPERIMENT", "PROFILES", "Config", "longest_run"]
 
-LABEL = "simulated"
-EXTENT = ("pairs", "first_pair")
 
 _TRAINING_TOP = 30.0  # [m/s] the speed range in which everything was trained
 
@@ -56,13 +45,11 @@ class Config(Setup):
         after: Episodes of it afterwards.
     """
 
-    before: int = 10
-    after: int = 4
+    before: Count = 10
+    after: Count = 4
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.before < 1 or self.after < 1:
-            raise ValueError(f"before and after must be >= 1, got {self.before!r}, {self.after!r}")
         if self.episodes < max(self.before, self.after):
             raise ValueError(f"episodes must be at least {self.before}, got {self.episodes!r}")
 
@@ -75,16 +62,6 @@ PROFILES = {
     "book": Config(pairs=1, episodes=60, validation_episodes=1, blocks=1),
     "paper": Config(pairs=10, episodes=500, validation_episodes=1, blocks=1),
 }  # fmt: skip
-
-
-def shards(config: Config) -> list[Shard]:
-    """One pair a shard."""
-    return [Shard(f"pair{pair}", {"pair": pair}) for pair in pairs_of(config)]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Return what a shard is computed from: a pair of policies and its forecaster."""
-    return needs(config, shard.number("pair"))
 
 
 def longest_run(q: float, eta: float, *, alpha: float, delay: int, ends: int = 0) -> int:
@@ -136,6 +113,16 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
         then = wide[k * config.after : (k + 1) * config.after]
         rows.append({"pair": pair, "stream": k, **_follow(config, first, then)})
     return pd.DataFrame(rows)
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("pair{pair}", pair=pairs_of),
+    needs=needs_of_pair,
+    label="simulated",
+    extent=("pairs", "first_pair"),
+)
 
 
 def _scores(config: Config, top: float, drivers: Drivers, forecast: Forecast) -> list[np.ndarray]:

@@ -6,12 +6,12 @@ spread the share of steps under the safe policy evenly; the test seeds are the s
 """
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Inputs, Shard
 from cpl.experiments.switch.setup import (
     BASELINES,
     Setup,
@@ -19,22 +19,23 @@ from cpl.experiments.switch.setup import (
     compact,
     curve,
     drivers_of,
-    needs,
     pairs_of,
     road_of,
     tracking_of,
 )
 from cpl.experiments.trained.forecasters import forecaster
+from cpl.experiments.trained.needs import needs_of_pair
 from cpl.policies.controls import Always
 from cpl.policies.switch import Switch, thresholds
+from cpl.settings.ranges import Choice, Count, interval
 
-__all__ = ["EXTENT", "LABEL", "PROFILES", "Config", "run_shard", "shards", "upstream"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
-EXTENT = ("pairs", "first_pair", "side_pairs")
-RTOL = 1e-5  # sums of speeds are stored in single precision
 
 _SCALED = ("dropout", "ensemble", "hau", "certificates")  # what a calibration can change
+
+
+_METHODS = ("conformal", *BASELINES)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,25 +52,20 @@ class Config(Setup):
         side_episodes: Test episodes there; calibrated methods do not drive there.
     """
 
-    methods: tuple[str, ...] = ("conformal", *BASELINES)
-    thresholds: int = 12
+    methods: Annotated[tuple[str, ...], Choice(_METHODS)] = _METHODS
+    thresholds: Annotated[int, interval("[2, inf)")] = 12
     q_safe: tuple[float, ...] = (0.0,)
     side_tops_mps: tuple[float, ...] = (30.0, 50.0)
     side_pairs: int = 5
-    side_thresholds: int = 8
-    side_episodes: int = 250
+    side_thresholds: Annotated[int, interval("[2, inf)")] = 8
+    side_episodes: Count = 250
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.side_episodes % self.blocks or self.side_episodes < 1:
+        if self.side_episodes % self.blocks:
             raise ValueError(
                 f"side_episodes must be a multiple of blocks, got {self.side_episodes!r}"
             )
-        known = ("conformal", *BASELINES)
-        if wrong := [name for name in self.methods if name not in known]:
-            raise ValueError(f"methods must be among {known}, got {wrong[0]!r}")
-        if min(self.thresholds, self.side_thresholds) < 2:
-            raise ValueError(f"thresholds must be at least 2, got {self.thresholds!r}")
         thresholds(self.q_safe)
 
 
@@ -87,17 +83,12 @@ PROFILES = {
 }  # fmt: skip
 
 
-def shards(config: Config) -> list[Shard]:
+def _shards(config: Config) -> list[Shard]:
     """One pair in one speed range a shard."""
     sides = [top for top in config.side_tops_mps if top > 0]
     places = [(config.top_speed_mps, pair) for pair in pairs_of(config)]
     places += [(top, pair) for top in sides for pair in pairs_of(config, config.side_pairs)]
     return [Shard(f"top{top:g}-pair{pair}", {"top_mps": top, "pair": pair}) for top, pair in places]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Return what a shard is computed from: a pair of policies and its forecasters."""
-    return needs(config, shard.number("pair"))
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -134,3 +125,14 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     joined.insert(0, "top_mps", top)
     joined.insert(1, "pair", pair)
     return joined
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=_shards,
+    needs=needs_of_pair,
+    label="simulated",
+    extent=("pairs", "first_pair", "side_pairs"),
+    rtol=1e-5,  # sums of speeds are stored in single precision
+)

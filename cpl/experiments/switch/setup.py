@@ -2,21 +2,22 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from cpl.conformal import RunningMax
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.trained import base_policies, forecasts
-from cpl.experiments.trained.forecasters import need_forecasts
-from cpl.experiments.trained.policies import base_policy, need_base_policies
+from cpl.experiments.run.spec import Inputs
+from cpl.experiments.trained.pairs import Models
+from cpl.experiments.trained.policies import base_policy
 from cpl.highway import PAPER
 from cpl.highway import Config as Road
 from cpl.policies.evaluate import Drivers, Forecast, Tracking, drive
 from cpl.policies.measures import SUMS, block_sums
 from cpl.policies.switch import Chooser, Switch
+from cpl.settings.ranges import Count, Natural, Probability, Settings, interval
 
 __all__ = [
     "BASELINES",
@@ -28,7 +29,6 @@ __all__ = [
     "drive",
     "drivers_of",
     "evaluation_seeds",
-    "needs",
     "pairs_of",
     "road_of",
     "tracking_of",
@@ -45,7 +45,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setup:
+class Setup(Settings):
     """The road, the policies that drive on it, and the tracker.
 
     Attributes:
@@ -67,38 +67,27 @@ class Setup:
         carry: Whether an episode begins with the threshold that the one before ended with.
     """
 
-    pairs: int
-    first_pair: int = 0
-    models: str = "paper"
-    episodes: int
-    validation_episodes: int
-    blocks: int
+    pairs: Count
+    first_pair: Natural = 0
+    models: Models = "paper"
+    episodes: Count
+    validation_episodes: Count
+    blocks: Count
     low_speed_mps: float = 20.0
     top_speed_mps: float = 40.0
     levels: int = 3
     lanes_count: int = 4
     vehicles_count: int = 50
     duration_s: float = 40.0
-    alpha: float = 0.1
+    alpha: Probability = 0.1
     share: float = 0.1
-    delay: int = 3
+    delay: Annotated[int, interval(f"[{HORIZON}, inf)")] = 3
     carry: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("pairs", "episodes", "validation_episodes", "blocks"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)!r}")
-        if self.first_pair < 0:
-            raise ValueError(f"first_pair must not be negative, got {self.first_pair!r}")
+        super().__post_init__()
         if self.episodes % self.blocks:
             raise ValueError(f"blocks must divide episodes {self.episodes}, got {self.blocks!r}")
-        if self.delay < HORIZON:
-            raise ValueError(f"delay must be at least the horizon {HORIZON}, got {self.delay!r}")
-        if not 0 < self.alpha < 1:
-            raise ValueError(f"alpha must lie in (0, 1), got {self.alpha!r}")
-        trained = base_policies.PROFILES.keys() & forecasts.PROFILES.keys()
-        if self.models not in trained:
-            raise ValueError(f"models must be one of {sorted(trained)}, got {self.models!r}")
         tracking_of(self)
         road_of(self, self.top_speed_mps)
 
@@ -124,14 +113,6 @@ def tracking_of(setup: Setup) -> Tracking:
     """Return the tracker's settings."""
     rule = RunningMax(c=setup.share)
     return Tracking(rule=rule, alpha=setup.alpha, delay=setup.delay, carry=setup.carry)
-
-
-def needs(setup: Setup, pair: int) -> list[Need]:
-    """Ask for the policies and the forecasters of one pair, be it one that nobody trained yet."""
-    policies, networks = base_policies.PROFILES[setup.models], forecasts.PROFILES[setup.models]
-    policies = replace(policies, pairs=max(policies.pairs, pair + 1))
-    networks = replace(networks, pairs=max(networks.pairs, pair + 1))
-    return [need_base_policies(policies, [pair]), need_forecasts(networks, [pair])]
 
 
 def drivers_of(inputs: Inputs, pair: int) -> Drivers:

@@ -11,27 +11,22 @@ import numpy as np
 import pandas as pd
 
 from cpl.conformal import PI, Decaying, Fixed, RunningMax
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
 from cpl.experiments.switch.setup import (
     Setup,
     compact,
     curve,
     drivers_of,
-    needs,
     pairs_of,
     road_of,
     tracking_of,
 )
 from cpl.experiments.trained.forecasters import forecaster
+from cpl.experiments.trained.needs import needs_of_pair
 from cpl.policies.evaluate import Tracking
 from cpl.policies.switch import Switch, thresholds
 
-__all__ = ["EXTENT", "LABEL", "PROFILES", "Config", "run_shard", "shards", "upstream", "variants"]
-
-LABEL = "simulated"
-EXTENT = ("pairs", "first_pair")
-RTOL = 1e-5  # sums of speeds are stored in single precision
+__all__ = ["EXPERIMENT", "PROFILES", "Config", "variants"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,16 +85,6 @@ PROFILES = {
 }  # fmt: skip
 
 
-def shards(config: Config) -> list[Shard]:
-    """One pair a shard."""
-    return [Shard(f"pair{pair}", {"pair": pair}) for pair in pairs_of(config)]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Return what a shard is computed from: a pair of policies and its forecaster."""
-    return needs(config, shard.number("pair"))
-
-
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     """Drive all variants with one pair.
 
@@ -119,3 +104,14 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
         for name, tracking in variants(config).items()
     ]
     return pd.concat(tables, ignore_index=True)
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("pair{pair}", pair=pairs_of),
+    needs=needs_of_pair,
+    label="simulated",
+    extent=("pairs", "first_pair"),
+    rtol=1e-5,  # sums of speeds are stored in single precision
+)

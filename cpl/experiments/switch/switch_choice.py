@@ -13,30 +13,27 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
 from cpl.experiments.switch.setup import (
     HORIZON,
     Setup,
     drive,
     drivers_of,
     evaluation_seeds,
-    needs,
     pairs_of,
     road_of,
     tracking_of,
     validation_seeds,
 )
 from cpl.experiments.trained.forecasters import forecaster
+from cpl.experiments.trained.needs import needs_of_pair
 from cpl.policies.controls import Always
 from cpl.policies.evaluate import Drivers, Forecast, Rides, Tracking
 from cpl.policies.switch import Switch, thresholds
+from cpl.settings.ranges import Count, Share
 
-__all__ = ["EXTENT", "LABEL", "PROFILES", "Config", "run_shard", "shards", "upstream"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
-EXTENT = ("pairs", "first_pair")
-RTOL = 1e-5  # speeds are stored in single precision
 
 _TRAINING_TOP = 30.0  # [m/s] the speed range in which everything was trained
 
@@ -56,19 +53,16 @@ class Config(Setup):
 
     tops_mps: tuple[float, ...] = (30.0, 40.0, 50.0)
     q_safe: float = 0.3
-    allowed: float = 0.1
+    allowed: Share = 0.1
     long_episodes: int
-    window: int = 5
+    window: Count = 5
 
     def __post_init__(self) -> None:
         super().__post_init__()
         thresholds(self.q_safe)
-        if not 0 <= self.allowed <= 1:
-            raise ValueError(f"allowed must lie in [0, 1], got {self.allowed!r}")
-        if self.long_episodes < self.episodes or self.window < 1:
+        if self.long_episodes < self.episodes:
             raise ValueError(
-                f"long_episodes must be at least {self.episodes} and window at least 1,"
-                f" got {self.long_episodes!r} and {self.window!r}"
+                f"long_episodes must be at least {self.episodes}, got {self.long_episodes!r}"
             )
 
 
@@ -85,16 +79,6 @@ PROFILES = {
         pairs=10, episodes=500, validation_episodes=50, blocks=25, long_episodes=2000
     ),
 }  # fmt: skip
-
-
-def shards(config: Config) -> list[Shard]:
-    """One pair a shard."""
-    return [Shard(f"pair{pair}", {"pair": pair}) for pair in pairs_of(config)]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Return what a shard is computed from: a pair of policies and its forecaster."""
-    return needs(config, shard.number("pair"))
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -118,7 +102,7 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
         here = _chosen(config, top, drivers, forecast, tracking)
         bare = _chosen(config, top, drivers, forecast, None)
         road = road_of(config, top)
-        for names, grid, count, tracker in (
+        for names, points, count, tracker in (
             (
                 ["switch 0.3", "switch chosen"],
                 [config.q_safe, here],
@@ -129,10 +113,10 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
             (["none chosen", "none transferred"], [bare, before_bare], config.episodes, None),
         ):
             rides = drive(
-                road, drivers, Switch(grid), evaluation_seeds(count), settings=len(grid),
+                road, drivers, Switch(points), evaluation_seeds(count), settings=len(points),
                 forecast=forecast, tracking=tracker, record=tracker is not None,
             )  # fmt: skip
-            found.append(_rows(rides, names, np.array(grid), config.window))
+            found.append(_rows(rides, names, np.array(points), config.window))
         rides = drive(
             road, drivers, Always([True, False]), evaluation_seeds(config.episodes), settings=2
         )
@@ -142,6 +126,17 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     joined = pd.concat(found, ignore_index=True)
     joined.insert(0, "pair", pair)
     return joined
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("pair{pair}", pair=pairs_of),
+    needs=needs_of_pair,
+    label="simulated",
+    extent=("pairs", "first_pair"),
+    rtol=1e-5,  # speeds are stored in single precision
+)
 
 
 def _chosen(

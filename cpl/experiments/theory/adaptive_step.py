@@ -15,20 +15,20 @@ from numpy.typing import NDArray
 
 from cpl.conformal import RunningMax, TrailingMax, track, track_many
 from cpl.conformal.bounds import running_maximum_bound
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard
 from cpl.experiments.theory._sequences import CLOSED, OBLIVIOUS, adversarial_scores
 from cpl.rng import stream
+from cpl.settings.ranges import Count, Settings
 
-__all__ = ["LABEL", "PROFILES", "Config", "run_shard", "shards"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
 _KINDS = (*OBLIVIOUS, *CLOSED)
 _TRAPS = ("freeze", "excluded")
 _B = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """Settings of both readings.
 
     Attributes:
@@ -42,17 +42,14 @@ class Config:
 
     alphas: tuple[float, ...]
     c: float
-    window: int
-    T: int
-    sequences: int
+    window: Count
+    T: Count
+    sequences: Count
     seed: int
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         running_maximum_bound(self.c, _B, _B)
-        for name in ("window", "T", "sequences"):
-            if getattr(self, name) < 1:
-                msg = f"{name} must be positive, got {getattr(self, name)!r}"
-                raise ValueError(msg)
 
 
 PROFILES = {
@@ -62,7 +59,7 @@ PROFILES = {
 }
 
 
-def shards(config: Config) -> list[Shard]:
+def _shards(config: Config) -> list[Shard]:
     """Return a piece for each alpha and kind of sequence, and for each trap."""
     running = [("running", kind, alpha) for kind, alpha in product(_KINDS, config.alphas)]
     trailing = [("trailing", trap, alpha) for trap, alpha in product(_TRAPS, config.alphas)]
@@ -96,6 +93,14 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     return pd.DataFrame(
         [_row(reading, kind, alpha, i, scores[i], err[i], config.c) for i in range(len(scores))]
     )
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=_shards,
+    label="simulated",
+)
 
 
 def _row(

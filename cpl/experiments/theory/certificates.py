@@ -9,15 +9,14 @@ from dataclasses import dataclass
 import pandas as pd
 
 from cpl.conformal.certificates import CERTIFICATES, as_table
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard
+from cpl.settings.ranges import Settings
 
-__all__ = ["LABEL", "PROFILES", "Config", "run_shard", "shards"]
-
-LABEL = "proved"
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """Which certificates.
 
     Attributes:
@@ -27,9 +26,9 @@ class Config:
     about: str
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not any(self.about in name for name in CERTIFICATES):
-            msg = f"about must be part of a certificate's name, got {self.about!r}"
-            raise ValueError(msg)
+            raise ValueError(f"about must be part of a certificate's name, got {self.about!r}")
 
 
 PROFILES = {
@@ -39,7 +38,7 @@ PROFILES = {
 }
 
 
-def shards(config: Config) -> list[Shard]:
+def _shards(config: Config) -> list[Shard]:
     """Return one piece a certificate."""
     return [
         Shard(re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-"), {"name": name})
@@ -58,3 +57,11 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     """
     del config
     return as_table([CERTIFICATES[shard.text("name")].check()]).drop(columns="numbers")
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=_shards,
+    label="proved",
+)

@@ -11,17 +11,18 @@ Paper: Assumption 1 and the Corollary; errata 13 to 15.
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from cpl.conformal.bounds import eventually_safe_deviation_bound
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard, grid
+from cpl.settings.ranges import Settings, interval
 
-__all__ = ["CONDITIONS", "LABEL", "PROFILES", "Config", "run_shard", "shards"]
+__all__ = ["CONDITIONS", "EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "exact"
 CONDITIONS = ("unbounded", "bounded")
 
 Integers = NDArray[np.int64]
@@ -29,7 +30,7 @@ _HUGE = 10**12  # a score that no threshold reaches within the horizon
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """What is enumerated.
 
     Attributes:
@@ -40,23 +41,18 @@ class Config:
         T: Horizon [steps].
     """
 
-    states: int
+    states: Annotated[int, interval("[1, 3]")]
     alphas: tuple[float, ...]
     Ks: tuple[int, ...]
-    floor_steps: int
+    floor_steps: Annotated[int, interval("[2, inf)")]
     T: int
 
     def __post_init__(self) -> None:
-        if not 1 <= self.states <= 3:
-            msg = f"states must be 1, 2 or 3 (4 would be 5 million processes), got {self.states!r}"
-            raise ValueError(msg)
-        if self.floor_steps < 2 or self.floor_steps % 2:
-            msg = f"floor_steps must be even and positive, got {self.floor_steps!r}"
-            raise ValueError(msg)
-        for K in self.Ks:
-            if not 1 <= K <= self.T:
-                msg = f"Ks must lie in [1, T], got {K!r}"
-                raise ValueError(msg)
+        super().__post_init__()
+        if self.floor_steps % 2:
+            raise ValueError(f"floor_steps must be even, got {self.floor_steps!r}")
+        if any(not 1 <= K <= self.T for K in self.Ks):
+            raise ValueError(f"Ks must lie in [1, T], got {self.Ks!r}")
 
 
 PROFILES = {
@@ -64,17 +60,6 @@ PROFILES = {
     "book": Config(states=2, alphas=(0.1, 0.2), Ks=(1, 2, 4), floor_steps=4, T=300),
     "paper": Config(states=3, alphas=(0.1, 0.2, 0.5), Ks=(1, 2, 4, 10), floor_steps=6, T=400),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """Return one piece for each kind of scores, alpha and start state."""
-    return [
-        Shard(
-            f"{condition}-{alpha}-{start}",
-            {"condition": condition, "alpha": alpha, "start": start},
-        )
-        for condition, alpha, start in product(CONDITIONS, config.alphas, range(config.states))
-    ]
 
 
 def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
@@ -115,6 +100,16 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid(
+        "{condition}-{alpha}-{start}", condition=CONDITIONS, alpha="alphas", start="states"
+    ),
+    label="exact",
+)
 
 
 def _processes(condition: str, states: int, unit: int, steps: int) -> tuple[Integers, Integers]:

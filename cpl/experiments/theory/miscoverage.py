@@ -5,18 +5,17 @@ time; what it reports must follow the equivalence.
 """
 
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 import pandas as pd
 
 from cpl.conformal import PI, Decaying, Fixed, Rule, RunningMax, Tracker, TrailingRange
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard, grid
 from cpl.rng import stream
+from cpl.settings.ranges import Count, Settings
 
-__all__ = ["LABEL", "PROFILES", "RULES", "Config", "run_shard", "shards"]
+__all__ = ["EXPERIMENT", "PROFILES", "RULES", "Config"]
 
-LABEL = "simulated"
 RULES: dict[str, Rule] = {
     "fixed": Fixed(eta=0.1),
     "running maximum": RunningMax(c=0.1),
@@ -27,7 +26,7 @@ RULES: dict[str, Rule] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """How many scores each tracker meets.
 
     Attributes:
@@ -37,13 +36,8 @@ class Config:
     """
 
     alphas: tuple[float, ...]
-    points: int
+    points: Count
     seed: int
-
-    def __post_init__(self) -> None:
-        if self.points < 1:
-            msg = f"points must be positive, got {self.points!r}"
-            raise ValueError(msg)
 
 
 PROFILES = {
@@ -51,14 +45,6 @@ PROFILES = {
     "book": Config(alphas=(0.1, 0.2), points=3000, seed=0),
     "paper": Config(alphas=(0.05, 0.1, 0.2, 0.5), points=50_000, seed=0),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """Return one piece for each rule and alpha."""
-    return [
-        Shard(f"{rule.replace(' ', '-')}-{alpha}", {"rule": rule, "alpha": alpha})
-        for rule, alpha in product(RULES, config.alphas)
-    ]
 
 
 def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
@@ -86,3 +72,11 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     row = {"rule": rule, "alpha": alpha, "points": config.points, "ties": ties}
     counts = {"misses": misses, "wrong_report": wrong_report, "wrong_set": wrong_set}
     return pd.DataFrame([row | {name: int(count) for name, count in counts.items()}])
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("{rule}-{alpha}", rule=RULES, alpha="alphas"),
+    label="simulated",
+)

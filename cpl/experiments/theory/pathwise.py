@@ -13,20 +13,20 @@ import pandas as pd
 
 from cpl.conformal import Fixed, track_many
 from cpl.conformal.bounds import deviation_bound
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard, grid
 from cpl.experiments.theory._sequences import CLOSED, OBLIVIOUS, adversarial_scores
 from cpl.rng import stream
+from cpl.settings.ranges import Settings
 
-__all__ = ["KINDS", "LABEL", "PROFILES", "Config", "run_shard", "shards"]
+__all__ = ["EXPERIMENT", "KINDS", "PROFILES", "Config"]
 
-LABEL = "simulated"
 KINDS = (*OBLIVIOUS, *CLOSED)
 
 _B = 1.0  # [score] nothing is lost: the tracker is homogeneous in (scores, B, eta)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """How many sequences of which length.
 
     Attributes:
@@ -44,9 +44,9 @@ class Config:
     seed: int
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if list(self.horizons) != sorted(set(self.horizons)) or self.horizons[0] < 1:
-            msg = f"horizons must be positive and increase, got {self.horizons!r}"
-            raise ValueError(msg)
+            raise ValueError(f"horizons must be positive and increase, got {self.horizons!r}")
         for alpha, eta in product(self.alphas, self.etas):
             deviation_bound(alpha, eta, _B)
 
@@ -62,14 +62,6 @@ PROFILES = {
         seed=0,
     ),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """Return one piece for each kind of sequence, alpha and eta."""
-    return [
-        Shard(f"{kind.replace(' ', '-')}-{alpha}-{eta}", {"kind": kind, "alpha": alpha, "eta": eta})
-        for kind, alpha, eta in product(KINDS, config.alphas, config.etas)
-    ]
 
 
 def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
@@ -106,3 +98,11 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("{kind}-{alpha}-{eta}", kind=KINDS, alpha="alphas", eta="etas"),
+    label="simulated",
+)

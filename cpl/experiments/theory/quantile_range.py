@@ -14,18 +14,18 @@ import numpy as np
 import pandas as pd
 
 from cpl.conformal.bounds import quantile_range, quantile_range_as_printed
-from cpl.experiments.run.shard import Shard, parts
+from cpl.experiments.run.spec import Experiment, Shard, parts
 from cpl.rng import stream
+from cpl.settings.ranges import Count, Settings
 
-__all__ = ["LABEL", "PROFILES", "Config", "run_shard", "shards"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "exact"
 _DELAYS = (1, 3)
 _PER_SHARD = 25
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """How many settings, and how long they are pushed.
 
     Attributes:
@@ -34,15 +34,9 @@ class Config:
         seed: Seed of settings and of the random sequences.
     """
 
-    settings: int
-    T: int
+    settings: Count
+    T: Count
     seed: int
-
-    def __post_init__(self) -> None:
-        for name in ("settings", "T"):
-            if getattr(self, name) < 1:
-                msg = f"{name} must be positive, got {getattr(self, name)!r}"
-                raise ValueError(msg)
 
 
 PROFILES = {
@@ -52,7 +46,7 @@ PROFILES = {
 }
 
 
-def shards(config: Config) -> list[Shard]:
+def _shards(config: Config) -> list[Shard]:
     """Cut the settings into parts; number 0 is the paper's own."""
     return [
         Shard(f"settings-{part}", {"first": part * _PER_SHARD, "count": count})
@@ -72,6 +66,14 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     first = shard.number("first")
     numbers = range(first, first + shard.number("count"))
     return pd.DataFrame([_row(config, n, h) for n, h in product(numbers, _DELAYS)])
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=_shards,
+    label="exact",
+)
 
 
 def _row(config: Config, number: int, delay: int) -> dict[str, float | int | bool]:

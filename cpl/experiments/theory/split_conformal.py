@@ -14,13 +14,13 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats as sp
 
-from cpl.experiments.run.shard import Shard, parts
+from cpl.experiments.run.spec import Experiment, Shard, parts
 from cpl.rng import stream
+from cpl.settings.ranges import Count, Settings
 from cpl.stats import split_conformal_law, split_conformal_rank
 
-__all__ = ["BINS", "KINDS", "LABEL", "PROFILES", "Config", "run_shard", "shards"]
+__all__ = ["BINS", "EXPERIMENT", "KINDS", "PROFILES", "Config"]
 
-LABEL = "simulated"
 KINDS = ("independent", "shared level", "urn", "ties")
 BINS = 20  # cells of the probability transform, each of probability 1/20 under the Beta law
 
@@ -28,7 +28,7 @@ _PART = 10_000  # draws in a shard
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """How much is drawn.
 
     Attributes:
@@ -40,14 +40,12 @@ class Config:
 
     alpha: float
     n: int
-    draws: int
+    draws: Count
     seed: int
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         split_conformal_law(self.n, self.alpha)
-        if self.draws < 1:
-            msg = f"draws must be positive, got {self.draws!r}"
-            raise ValueError(msg)
 
 
 PROFILES = {
@@ -57,7 +55,7 @@ PROFILES = {
 }
 
 
-def shards(config: Config) -> list[Shard]:
+def _shards(config: Config) -> list[Shard]:
     """Cut the draws of each kind into parts."""
     return [
         Shard(f"{kind.replace(' ', '-')}-{part}", {"kind": kind, "part": part, "draws": draws})
@@ -89,6 +87,14 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
         level, scale = _shared(draws, stream(config.seed, "split_conformal", kind, part))
         coverage = sp.norm.cdf((threshold - level) / scale)
     return pd.DataFrame([row | _summary(coverage, config)])
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=_shards,
+    label="simulated",
+)
 
 
 def _draw(kind: str, draws: int, size: int, rng: np.random.Generator) -> NDArray[np.float64]:

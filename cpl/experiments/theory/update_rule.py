@@ -6,18 +6,18 @@ is q + eta (err - alpha). Paper: eq. (4) and "we would like it close to 1 - alph
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import product
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard, grid
 from cpl.rng import stream
+from cpl.settings.ranges import Count, Positive, Settings, interval
 
-__all__ = ["LABEL", "PROFILES", "Config", "run_shard", "shards"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
 _DRAWS: dict[str, Callable[[np.random.Generator, int], NDArray[np.float64]]] = {
     "uniform": lambda rng, T: rng.random(T),
     "exponential": lambda rng, T: np.minimum(rng.exponential(0.2, T), 1.0),
@@ -27,7 +27,7 @@ _RULES = ("printed", "corrected")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """Tracker and length.
 
     Attributes:
@@ -38,20 +38,11 @@ class Config:
         seed: Seed of all draws.
     """
 
-    alphas: tuple[float, ...]
-    eta: float
-    T: int
-    runs: int
+    alphas: Annotated[tuple[float, ...], interval("(0, 1)")]
+    eta: Positive
+    T: Count
+    runs: Count
     seed: int
-
-    def __post_init__(self) -> None:
-        if any(not 0 < alpha < 1 for alpha in self.alphas):
-            msg = f"alphas must lie in (0, 1), got {self.alphas!r}"
-            raise ValueError(msg)
-        for name in ("eta", "T", "runs"):
-            if getattr(self, name) <= 0:
-                msg = f"{name} must be positive, got {getattr(self, name)!r}"
-                raise ValueError(msg)
 
 
 PROFILES = {
@@ -59,14 +50,6 @@ PROFILES = {
     "book": Config(alphas=(0.1, 0.2), eta=0.1, T=2000, runs=5, seed=0),
     "paper": Config(alphas=(0.05, 0.1, 0.2, 0.4), eta=0.1, T=10_000, runs=20, seed=0),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """Return one piece for each rule, alpha and law of the scores."""
-    return [
-        Shard(f"{rule}-{alpha}-{law}", {"rule": rule, "alpha": alpha, "law": law})
-        for rule, alpha, law in product(_RULES, config.alphas, _DRAWS)
-    ]
 
 
 def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
@@ -84,6 +67,14 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
         row = {"rule": rule, "alpha": alpha, "law": law, "run": run, "T": config.T}
         rows.append(row | {"errors": errors, "q_end": q_end})
     return pd.DataFrame(rows)
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("{rule}-{alpha}-{law}", rule=_RULES, alpha="alphas", law=_DRAWS),
+    label="simulated",
+)
 
 
 def _follow(scores: list[float], rule: str, alpha: float, eta: float) -> tuple[int, float]:

@@ -10,18 +10,19 @@ Paper: Theorem 1, and the "two-sided guarantee" after it.
 from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from cpl.conformal.bounds import deviation_bound, max_errors, min_errors, quantile_range
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard
 from cpl.rng import stream
+from cpl.settings.ranges import Count, Settings, interval
 
-__all__ = ["LABEL", "PROFILES", "Config", "run_shard", "shards"]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "exact"
 
 # The paper's constants, B/eta an integer; there the printed form survives.
 _PAPER = (Fraction(1, 10), Fraction(1, 10), Fraction(1))
@@ -30,7 +31,7 @@ _COUNTEREXAMPLE = (Fraction(1, 10), Fraction(1), Fraction(17, 20))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """How many settings, sequences and windows.
 
     Attributes:
@@ -41,19 +42,10 @@ class Config:
         seed: Seed of all draws.
     """
 
-    settings: int
-    sequences: int
-    T: int
+    settings: Count
+    sequences: Count
+    T: Annotated[int, interval("[3, inf)")]
     seed: int
-
-    def __post_init__(self) -> None:
-        for name in ("settings", "sequences"):
-            if getattr(self, name) < 1:
-                msg = f"{name} must be positive, got {getattr(self, name)!r}"
-                raise ValueError(msg)
-        if self.T < 3:
-            msg = f"T must be at least 3, the length of the counterexample, got {self.T!r}"
-            raise ValueError(msg)
 
 
 PROFILES = {
@@ -65,7 +57,7 @@ PROFILES = {
 _PER_SHARD = 50
 
 
-def shards(config: Config) -> list[Shard]:
+def _shards(config: Config) -> list[Shard]:
     """Cut the settings into parts; the first two settings are fixed."""
     total = config.settings + 2
     return [
@@ -87,6 +79,14 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     """
     numbers = range(shard.number("first"), shard.number("last"))
     return pd.DataFrame([_row(config, number) for number in numbers])
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=_shards,
+    label="exact",
+)
 
 
 def _row(config: Config, number: int) -> dict[str, float | int | str]:

@@ -1,18 +1,21 @@
 """Trained agents by name: those of Table I, and those that were trained otherwise."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
-from cpl.experiments.run.need import Inputs, Need
+from cpl.experiments.run.spec import Inputs, Need, Shard
 from cpl.experiments.trained import agents_beyond, agents_why, listeners
 from cpl.experiments.trained.forecasters import forecaster
 from cpl.experiments.trained.listening import AGENTS, decoded, hearing_of
+from cpl.experiments.trained.needs import needs
+from cpl.experiments.trained.pairs import with_pair
 from cpl.experiments.trained.recipes import RECIPES, Training
 from cpl.experiments.trained.recipes import hearing_of as hearing_of_recipe
 from cpl.network import MLP
 from cpl.policies.listen import Hearing
 
-__all__ = ["KNOWN", "Agent", "agent", "need_agents"]
+__all__ = ["KNOWN", "Agent", "agent", "need_agents", "needs_with_agents"]
 
 KNOWN = (*AGENTS, *RECIPES)
 """The names."""
@@ -35,8 +38,8 @@ def need_agents(models: str, names: Iterable[str], pair: int) -> list[Need]:
         pair: Which pair.
 
     Returns:
-        What an experiment's `upstream` lists; the pair's policies and forecasters have to be asked
-        for beside them.
+        One need an experiment that trained some; the pair's policies and forecasters have to be
+        asked for beside them.
 
     Raises:
         ValueError: If a name is unknown.
@@ -52,6 +55,12 @@ def need_agents(models: str, names: Iterable[str], pair: int) -> list[Need]:
         Need(experiment=trainer, config=_trained(trainer, models, pair), shards=tuple(shards))
         for trainer, shards in asked.items()
     ]
+
+
+def needs_with_agents(config: Any, shard: Shard) -> list[Need]:  # noqa: ANN401 - with `agents`
+    """Ask for the policies, the forecasters and the agents of a shard's pair."""
+    pair = shard.number("pair")
+    return [*needs(config.models, pair), *need_agents(config.models, config.agents, pair)]
 
 
 def agent(inputs: Inputs, models: str, name: str, pair: int) -> Agent:
@@ -89,8 +98,6 @@ def _trainer(name: str) -> str:
 def _trained(trainer: str, models: str, pair: int) -> Training | listeners.Config:
     """Return the configuration of the trainings, of this pair too."""
     if trainer == "listeners":
-        ours = listeners.PROFILES[models]
-        return replace(ours, pairs=max(ours.pairs, pair + 1))
+        return with_pair(listeners.PROFILES[models], pair)
     module = agents_why if trainer == "agents_why" else agents_beyond
-    profile: Training = module.PROFILES[models]
-    return replace(profile, pairs=max(profile.pairs, pair + 1))
+    return with_pair(module.PROFILES[models], pair)

@@ -9,17 +9,9 @@ is blurred, in some episodes more and in some less.
 
 from dataclasses import dataclass
 
-import pandas as pd
+from cpl.experiments.trained.recipes import Training, retraining
 
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.trained.recipes import Training, pieces, teach, upstream_of
-
-__all__ = ["EXTENT", "LABEL", "PROFILES", "RTOL", "Config", "run_shard", "shards", "upstream"]
-
-LABEL = "simulated"
-EXTENT = ("pairs", "recipes")
-RTOL = 1e-6  # of the learning curve's means; models agree bit for bit
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,17 +27,4 @@ PROFILES = {
     "paper": Config(pairs=3),
 }
 
-
-def shards(config: Config) -> list[Shard]:
-    """One training a shard."""
-    return pieces(config)
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Return what a shard is computed from: a pair of policies and its forecaster."""
-    return upstream_of(config, shard.number("pair"))
-
-
-def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
-    """Train one agent; see `cpl.experiments.trained.recipes.teach`."""
-    return teach(config, shard.text("recipe"), shard.number("pair"), inputs)
+EXPERIMENT = retraining(PROFILES)

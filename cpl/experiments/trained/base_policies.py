@@ -7,23 +7,22 @@ in their seed only.
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard, grid
 from cpl.highway import Config as Road
 from cpl.network import encode_networks
 from cpl.policies.dqn import DQNConfig, train
 from cpl.policies.dqn.training import LearnerName
 from cpl.rng import stream
+from cpl.settings.ranges import Choice, Count, Settings, interval
 from cpl.store import plain
 
-__all__ = ["EXTENT", "KINDS", "LABEL", "PROFILES", "RTOL", "Config", "road", "run_shard", "shards"]
+__all__ = ["EXPERIMENT", "KINDS", "PROFILES", "Config", "road"]
 
-LABEL = "simulated"
-EXTENT = ("pairs",)
-RTOL = 1e-6  # of the learning curve's means; models agree bit for bit
 
 KINDS = ("safe", "speed")
 
@@ -31,7 +30,7 @@ _SEEDS = 10_000_000  # training seeds lie below; validation and test seeds above
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """The trainings.
 
     Attributes:
@@ -52,12 +51,12 @@ class Config:
         hidden: Units of each hidden layer.
     """
 
-    pairs: int
+    pairs: Count
     steps: int = 200_000
-    learner: str = "compiled"
+    learner: Annotated[str, Choice(("compiled", "sb3"))] = "compiled"
     low_speed_mps: float = 20.0
     top_speed_mps: float = 30.0
-    levels: int = 3
+    levels: Annotated[int, interval("[2, inf)")] = 3
     collision_reward: float = -1.0
     high_speed_reward: float = 0.5
     right_lane_reward: float = 0.0
@@ -69,12 +68,7 @@ class Config:
     hidden: tuple[int, ...] = (256, 256)
 
     def __post_init__(self) -> None:
-        if self.pairs < 1:
-            raise ValueError(f"pairs must be at least 1, got {self.pairs!r}")
-        if self.learner not in ("compiled", "sb3"):
-            raise ValueError(f'learner must be "compiled" or "sb3", got {self.learner!r}')
-        if self.levels < 2:
-            raise ValueError(f"levels must be at least 2, got {self.levels!r}")
+        super().__post_init__()
         road(self, "safe")  # refuses what no road can be
         DQNConfig(steps=self.steps, hidden=self.hidden)
 
@@ -112,15 +106,6 @@ PROFILES = {
 }
 
 
-def shards(config: Config) -> list[Shard]:
-    """One training a shard."""
-    return [
-        Shard(f"{kind}-{pair}", {"kind": kind, "pair": pair})
-        for pair in range(config.pairs)
-        for kind in KINDS
-    ]
-
-
 def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     """Train one policy.
 
@@ -139,8 +124,18 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     table = trained.curve
     for place, (name, value) in enumerate({"kind": kind, "pair": pair, "seed": seed}.items()):
         table.insert(place, name, value)
-    how = {name: value for name, value in plain(config).items() if name not in EXTENT}
+    how = EXPERIMENT.without_extent(plain(config))
     told = {"kind": kind, "pair": pair, "seed": seed, "parameters": how}
     table["model"] = b""
     table.loc[len(table) - 1, "model"] = encode_networks({"q": trained.network}, told)
     return table
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("{kind}-{pair}", pair="pairs", kind=KINDS),
+    label="simulated",
+    extent=("pairs",),
+    rtol=1e-6,  # of the learning curve's means; models agree bit for bit
+)

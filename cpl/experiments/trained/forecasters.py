@@ -1,37 +1,32 @@
 """The trained forecasters, for experiments that stand on them."""
 
-from collections.abc import Iterable
-
-from cpl.experiments.run.need import Inputs, Need
+from cpl.experiments.run.spec import Inputs, Need
 from cpl.experiments.trained import forecasts
+from cpl.experiments.trained.pairs import with_pair
 from cpl.forecast import stored
 from cpl.forecast.methods import Forecaster
 from cpl.network import MLP, Model
 from cpl.rng import stream
 
-__all__ = ["crash_classifier", "forecaster", "need_forecasts", "suite_of"]
+__all__ = ["crash_classifier", "forecaster", "need_forecasters", "suite_of"]
 
 _LENGTH = 5  # observations in a history (Section IV, Predictor Training)
 _HORIZON = 3  # [steps] how far a forecast looks
 
 
-def need_forecasts(config: forecasts.Config, pairs: Iterable[int]) -> Need:
-    """Ask for the forecasters of some pairs.
+def need_forecasters(models: str, pair: int) -> Need:
+    """Ask for the forecasters of a pair.
 
     Args:
-        config: How they are trained.
-        pairs: Which pairs.
+        models: Profile that trained them.
+        pair: Which pair.
 
-    Returns:
-        What an experiment's `upstream` lists.
-
-    Example:
-        >>> need_forecasts(forecasts.PROFILES["paper"], [2]).shards
+    Examples:
+        >>> need_forecasters("paper", 2).shards
         ('pair-2',)
     """
-    return Need(
-        experiment="forecasts", config=config, shards=tuple(f"pair-{pair}" for pair in pairs)
-    )
+    settings = with_pair(forecasts.PROFILES[models], pair)
+    return Need(experiment="forecasts", config=settings, shards=(f"pair-{pair}",))
 
 
 def suite_of(inputs: Inputs, pair: int) -> Model:

@@ -8,42 +8,30 @@ Paper: Section IV, Predictor Training and Baselines.
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Literal, cast
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
 from cpl.experiments.trained import base_policies
-from cpl.experiments.trained.policies import base_policy, need_base_policies
+from cpl.experiments.trained.pairs import Models
+from cpl.experiments.trained.policies import base_policy, need_policies
 from cpl.forecast.measures import skill
 from cpl.forecast.methods import METHODS
 from cpl.forecast.rollouts import Rollouts, collect, join
 from cpl.forecast.schedule import Schedule
 from cpl.forecast.stored import forecaster, read_suite, scales, write_suite
-from cpl.forecast.suite import Settings, Suite, learn, split
+from cpl.forecast.suite import Settings as SuiteSettings
+from cpl.forecast.suite import Suite, learn, split
 from cpl.highway import Config as Road
 from cpl.rng import stream
+from cpl.settings.ranges import Choice, Count, Probability, Settings, interval
 from cpl.store import plain
 
-__all__ = [
-    "EXTENT",
-    "LABEL",
-    "PROFILES",
-    "RTOL",
-    "Config",
-    "road",
-    "run_shard",
-    "settings_of",
-    "shards",
-    "upstream",
-]
+__all__ = ["EXPERIMENT", "PROFILES", "Config", "road", "settings_of"]
 
-LABEL = "simulated"
-EXTENT = ("pairs",)
-RTOL = 1e-5
 
 _TRAINING = 10_000_000  # environment seeds of rollouts lie below, those of validation above
 _NOMINAL = 1.6448536269514722  # standard deviations to each side of a Gaussian's middle 90 %
@@ -51,7 +39,7 @@ _QUANTITIES = ["mse", "skill", "mae", "mean_uncertainty", "coverage_raw", "cover
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """The forecasters.
 
     Attributes:
@@ -75,49 +63,24 @@ class Config:
         episodes: Validation episodes of each policy and range.
     """
 
-    pairs: int
-    policies: str
-    rollouts: int = 30_000
-    length: int = 5
-    horizon: int = 3
-    cars: str = "all"
+    pairs: Count
+    policies: Models
+    rollouts: Annotated[int, interval("[20, inf)")] = 30_000
+    length: Count = 5
+    horizon: Count = 3
+    cars: Annotated[str, Choice(("all", "observed"))] = "all"
     lr: float = 1e-3
-    batch: int = 512
-    tolerance: float = 0.01
-    patience: int = 3
-    epochs: int = 60
-    dropout: float = 0.1
-    members: int = 5
-    certificates: int = 100
-    certificate_epochs: int = 100
-    alpha: float = 0.1
+    batch: Count = 512
+    tolerance: Probability = 0.01
+    patience: Count = 3
+    epochs: Count = 60
+    dropout: Probability = 0.1
+    members: Count = 5
+    certificates: Count = 100
+    certificate_epochs: Count = 100
+    alpha: Probability = 0.1
     top_speeds_mps: tuple[float, ...] = (30.0, 40.0, 50.0)
-    episodes: int = 500
-
-    def __post_init__(self) -> None:
-        counts = (
-            "pairs",
-            "length",
-            "horizon",
-            "batch",
-            "patience",
-            "epochs",
-            "members",
-            "episodes",
-        )
-        for name in (*counts, "certificates", "certificate_epochs"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)!r}")
-        if self.rollouts < 20:
-            raise ValueError(f"rollouts must be at least 20, got {self.rollouts!r}")
-        if self.policies not in base_policies.PROFILES:
-            known = tuple(base_policies.PROFILES)
-            raise ValueError(f"policies must be one of {known}, got {self.policies!r}")
-        if self.cars not in ("all", "observed"):
-            raise ValueError(f"cars must be 'all' or 'observed', got {self.cars!r}")
-        for name in ("dropout", "alpha", "tolerance"):
-            if not 0 < getattr(self, name) < 1:
-                raise ValueError(f"{name} must lie in (0, 1), got {getattr(self, name)!r}")
+    episodes: Count = 500
 
 
 PROFILES = {
@@ -129,9 +92,9 @@ PROFILES = {
 }
 
 
-def settings_of(config: Config) -> Settings:
+def settings_of(config: Config) -> SuiteSettings:
     """Return what `cpl.forecast` is told to learn."""
-    return Settings(
+    return SuiteSettings(
         length=config.length,
         horizon=config.horizon,
         schedule=Schedule(
@@ -152,17 +115,6 @@ def road(config: Config, top_speed_mps: float) -> Road:
     """Return the road that the policies were trained on, with another speed range."""
     base = base_policies.PROFILES[config.policies]
     return base_policies.road(replace(base, top_speed_mps=top_speed_mps), "speed")
-
-
-def shards(config: Config) -> list[Shard]:
-    """One pair of policies a shard."""
-    return [Shard(f"pair-{pair}", {"pair": pair}) for pair in range(config.pairs)]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Ask for the pair's policies."""
-    trained = replace(base_policies.PROFILES[config.policies], pairs=config.pairs)
-    return [need_base_policies(trained, [shard.number("pair")])]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -209,6 +161,17 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     table["model"] = b""
     table.loc[0, "model"] = content
     return table
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("pair-{pair}", pair="pairs"),
+    needs=lambda config, shard: [need_policies(config.policies, shard.number("pair"))],
+    label="simulated",
+    extent=("pairs",),
+    rtol=1e-5,
+)
 
 
 def _row(subject: str, quantity: str, value: Any, n: int, **where: Any) -> dict[str, object]:  # noqa: ANN401

@@ -11,32 +11,21 @@ Adam) has been at work long before, and pi_speed in the wider range is where see
 """
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard
 from cpl.highway import PAPER, run_episodes
 from cpl.policies.dqn import DQNConfig, train
 from cpl.policies.dqn.training import LearnerName
 from cpl.policies.greedy import Greedy
 from cpl.rng import stream
+from cpl.settings.ranges import Choice, Count, Settings
 
-__all__ = [
-    "EXTENT",
-    "LABEL",
-    "PROFILES",
-    "RTOL",
-    "Config",
-    "compare",
-    "means",
-    "run_shard",
-    "shards",
-]
+__all__ = ["EXPERIMENT", "PROFILES", "Config", "compare", "means"]
 
-LABEL = "simulated"
-EXTENT = ("compiled_seeds", "sb3_seeds", "kinds")
-RTOL = 1e-6
 
 LEARNERS: tuple[LearnerName, ...] = ("compiled", "sb3")
 METRICS = ("duration_s", "episode_mean_speed_mps", "crashed", "episode_return")
@@ -45,7 +34,7 @@ _SEEDS = 10_000_000  # training seeds lie below; validation seeds from here on
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """The trainings and what they are judged by.
 
     Attributes:
@@ -59,21 +48,19 @@ class Config:
         vehicles_count: Other cars.
     """
 
-    compiled_seeds: int
-    sb3_seeds: int
-    kinds: tuple[str, ...] = ("safe", "speed")
+    compiled_seeds: Count
+    sb3_seeds: Count
+    kinds: Annotated[tuple[str, ...], Choice(("safe", "speed"))] = ("safe", "speed")
     steps: int = 200_000
-    episodes: int = 500
+    episodes: Count = 500
     top_speeds_mps: tuple[float, ...] = (30.0, 40.0)
     low_speed_mps: float = 20.0
     vehicles_count: int = 50
 
     def __post_init__(self) -> None:
-        for name in ("compiled_seeds", "sb3_seeds", "episodes"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)!r}")
-        if not set(self.kinds) <= {"safe", "speed"} or not self.kinds:
-            raise ValueError(f'kinds must be among "safe" and "speed", got {self.kinds!r}')
+        super().__post_init__()
+        if not self.kinds:
+            raise ValueError("kinds must name at least one, got none")
         DQNConfig(steps=self.steps)
 
 
@@ -91,7 +78,7 @@ PROFILES = {
 }
 
 
-def shards(config: Config) -> list[Shard]:
+def _shards(config: Config) -> list[Shard]:
     """One training a shard."""
     counts = (config.compiled_seeds, config.sb3_seeds)
     return [
@@ -126,6 +113,16 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
             table.insert(place, name, value)
         tables.append(table)
     return pd.concat(tables, ignore_index=True)
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=_shards,
+    label="simulated",
+    extent=("compiled_seeds", "sb3_seeds", "kinds"),
+    rtol=1e-6,
+)
 
 
 def means(table: pd.DataFrame) -> pd.DataFrame:

@@ -6,42 +6,23 @@ inside the training environment; an outcome is known after its delay, as on the 
 base policies has a forecaster, and each forecaster its five agents.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Annotated
 
 import pandas as pd
 
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Inputs, Need, Shard, grid
 from cpl.experiments.trained import penalty_grid
-from cpl.experiments.trained.forecasters import forecaster
-from cpl.experiments.trained.listening import (
-    AGENTS,
-    Lessons,
-    forecasts_of,
-    hearing_of,
-    learn,
-    penalty_of,
-)
+from cpl.experiments.trained.forecasters import forecaster, need_forecasters
+from cpl.experiments.trained.listening import AGENTS, Lessons, hearing_of, learn, penalty_of
 from cpl.network import encode_networks
 from cpl.policies.listen import Penalty
 from cpl.rng import stream
+from cpl.settings.ranges import Choice
 from cpl.store import plain
 
-__all__ = [
-    "EXTENT",
-    "LABEL",
-    "PROFILES",
-    "RTOL",
-    "Config",
-    "need_listeners",
-    "run_shard",
-    "shards",
-    "upstream",
-]
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
-LABEL = "simulated"
-EXTENT = ("pairs",)
-RTOL = 1e-6  # of the learning curve's means; models agree bit for bit
 
 _SEEDS = 10_000_000  # training seeds lie below; validation and test seeds above
 
@@ -57,14 +38,14 @@ class Config(Lessons):
         penalty_product: The same for the penalty q l_hat, of rl_2 and rl_3.
     """
 
-    agents: tuple[str, ...] = AGENTS
+    agents: Annotated[tuple[str, ...], Choice(AGENTS)] = AGENTS
     penalty_q: float = -1.0
     penalty_product: float = -1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.agents or not set(self.agents) <= set(AGENTS):
-            raise ValueError(f"agents must be among {AGENTS}, got {self.agents!r}")
+        if not self.agents:
+            raise ValueError("agents must name at least one, got none")
         Penalty(q=self.penalty_q, product=self.penalty_product)
 
 
@@ -75,22 +56,13 @@ PROFILES = {
 }
 
 
-def shards(config: Config) -> list[Shard]:
-    """One training a shard."""
-    return [
-        Shard(f"{agent}-{pair}", {"agent": agent, "pair": pair})
-        for pair in range(config.pairs)
-        for agent in config.agents
-    ]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
+def _needs(config: Config, shard: Shard) -> list[Need]:
     """Return what a shard is computed from: a pair's forecaster, and the grid of the penalties."""
-    needs = [forecasts_of(config.models, shard.number("pair"))]
+    needs = [need_forecasters(config.models, shard.number("pair"))]
     given = penalty_of(shard.text("agent"), config.penalty_q, config.penalty_product)
     if given.q < 0 or given.product < 0:
         grid = penalty_grid.PROFILES[config.models]
-        names = tuple(part.name for part in penalty_grid.shards(grid))
+        names = tuple(part.name for part in penalty_grid.EXPERIMENT.shards(grid))
         needs.append(Need(experiment="penalty_grid", config=grid, shards=names))
     return needs
 
@@ -118,7 +90,7 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     }
     for place, (name, value) in enumerate(labels.items()):
         table.insert(place, name, value)
-    how = {name: value for name, value in plain(config).items() if name not in EXTENT}
+    how = EXPERIMENT.without_extent(plain(config))
     table["model"] = b""
     table.loc[len(table) - 1, "model"] = encode_networks(
         {"q": network}, {**labels, "parameters": how}
@@ -126,23 +98,15 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
     return table
 
 
-def need_listeners(config: Config, pair: int) -> Need:
-    """Ask for the agents of one pair, be it one that nobody trained yet.
-
-    Args:
-        config: How they are trained.
-        pair: Which pair.
-
-    Returns:
-        What an experiment's `upstream` lists.
-
-    Example:
-        >>> need_listeners(PROFILES["smoke"], 2).shards[:2]
-        ('rl_nq-2', 'rl-2')
-    """
-    trained = replace(config, pairs=max(config.pairs, pair + 1))
-    names = tuple(f"{agent}-{pair}" for agent in config.agents)
-    return Need(experiment="listeners", config=trained, shards=names)
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("{agent}-{pair}", pair="pairs", agent="agents"),
+    needs=_needs,
+    label="simulated",
+    extent=("pairs",),
+    rtol=1e-6,  # of the learning curve's means; models agree bit for bit
+)
 
 
 def _penalty(config: Config, agent: str, inputs: Inputs) -> Penalty:

@@ -1,26 +1,26 @@
 """The agents that hear the forecast: what they hear, how they learn, how they are read back."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 import pandas as pd
 
 from cpl.conformal import RunningMax
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.trained import base_policies, forecasts
-from cpl.experiments.trained.forecasters import need_forecasts
+from cpl.experiments.run.spec import Inputs
+from cpl.experiments.trained import base_policies
+from cpl.experiments.trained.pairs import Models
 from cpl.highway import Config as Road
 from cpl.network import MLP, decode_networks
 from cpl.policies.dqn import DQNConfig, train
 from cpl.policies.evaluate import Forecast, Tracking
 from cpl.policies.listen import Hearing, Listening, Penalty, View
+from cpl.settings.ranges import Count, Probability, Settings
 
 __all__ = [
     "AGENTS",
     "Lessons",
     "decoded",
-    "forecasts_of",
     "hearing_of",
     "learn",
     "penalty_of",
@@ -32,7 +32,7 @@ AGENTS = ("rl_nq", "rl", "rl_1", "rl_2", "rl_3")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lessons:
+class Lessons(Settings):
     """How an agent is trained, whatever its penalties.
 
     Attributes:
@@ -47,24 +47,18 @@ class Lessons:
         carry: Whether an episode begins with the threshold that the one before ended with.
     """
 
-    pairs: int
-    models: str = "paper"
+    pairs: Count
+    models: Models = "paper"
     steps: int = 200_000
     gamma: float = 0.8
     hidden: tuple[int, ...] = (256, 256)
-    alpha: float = 0.1
+    alpha: Probability = 0.1
     share: float = 0.1
     delay: int = 3
     carry: bool = False
 
     def __post_init__(self) -> None:
-        if self.pairs < 1:
-            raise ValueError(f"pairs must be at least 1, got {self.pairs!r}")
-        if self.models not in base_policies.PROFILES:
-            known = sorted(base_policies.PROFILES)
-            raise ValueError(f"models must be one of {known}, got {self.models!r}")
-        if not 0 < self.alpha < 1:
-            raise ValueError(f"alpha must lie in (0, 1), got {self.alpha!r}")
+        super().__post_init__()
         DQNConfig(steps=self.steps, gamma=self.gamma, hidden=self.hidden)
         hearing_of("rl", lambda flat: (flat[:, 0], None), self.tracking)  # refuses the delay
 
@@ -123,12 +117,6 @@ def penalty_of(agent: str, q: float, product: float) -> Penalty:
 def training_road(models: str) -> Road:
     """Return the road that pi_speed was trained on, whose reward the agents share."""
     return base_policies.road(base_policies.PROFILES[models], "speed")
-
-
-def forecasts_of(models: str, pair: int) -> Need:
-    """Ask for the forecasters of one pair, be it one that nobody trained yet."""
-    networks = forecasts.PROFILES[models]
-    return need_forecasts(replace(networks, pairs=max(networks.pairs, pair + 1)), [pair])
 
 
 def decoded(inputs: Inputs, name: str, shard: str) -> MLP:

@@ -8,33 +8,21 @@ has the weights of both.
 """
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Inputs, Shard
 from cpl.experiments.trained import base_policies
-from cpl.experiments.trained.forecasters import forecaster
-from cpl.experiments.trained.listening import Lessons, forecasts_of, hearing_of, learn, penalty_of
+from cpl.experiments.trained.forecasters import forecaster, need_forecasters
+from cpl.experiments.trained.listening import Lessons, hearing_of, learn, penalty_of
 from cpl.policies.listen import best, ride
 from cpl.rng import stream
+from cpl.settings.ranges import Count, interval
 
-__all__ = [
-    "EXTENT",
-    "LABEL",
-    "PROFILES",
-    "RTOL",
-    "Config",
-    "run_shard",
-    "selected",
-    "shards",
-    "upstream",
-]
+__all__ = ["EXPERIMENT", "PROFILES", "Config", "selected"]
 
-LABEL = "simulated"
-EXTENT = ("pairs",)
-RTOL = 1e-6
 
 _SEEDS, _VALIDATION = 10_000_000, 10_000_000
 _TRAINING_TOP = 30.0  # [m/s]
@@ -52,22 +40,18 @@ class Config(Lessons):
         episodes: Validation episodes in each.
     """
 
-    weights_q: tuple[float, ...] = (1.0, 3.0, 10.0)
-    weights_product: tuple[float, ...] = (2.0, 6.0, 20.0)
+    weights_q: Annotated[tuple[float, ...], interval("[0, inf)")] = (1.0, 3.0, 10.0)
+    weights_product: Annotated[tuple[float, ...], interval("[0, inf)")] = (2.0, 6.0, 20.0)
     tops_mps: tuple[float, ...] = (30.0, 40.0, 50.0)
-    episodes: int = 200
+    episodes: Count = 200
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("weights_q", "weights_product", "tops_mps"):
-            if not getattr(self, name) or min(getattr(self, name)) < 0:
-                raise ValueError(
-                    f"{name} must name numbers that are not negative, got {getattr(self, name)!r}"
-                )
+            if not getattr(self, name):
+                raise ValueError(f"{name} must hold at least one number, got none")
         if _TRAINING_TOP not in self.tops_mps:
             raise ValueError(f"tops_mps must name {_TRAINING_TOP}, got {self.tops_mps!r}")
-        if self.episodes < 1:
-            raise ValueError(f"episodes must be at least 1, got {self.episodes!r}")
 
 
 PROFILES = {
@@ -82,7 +66,7 @@ PROFILES = {
 }  # fmt: skip
 
 
-def shards(config: Config) -> list[Shard]:
+def _shards(config: Config) -> list[Shard]:
     """One training a shard."""
     grid = [("rl_1", weight) for weight in config.weights_q]
     grid += [("rl_2", weight) for weight in config.weights_product]
@@ -91,11 +75,6 @@ def shards(config: Config) -> list[Shard]:
         for pair in range(config.pairs)
         for agent, weight in grid
     ]
-
-
-def upstream(config: Config, shard: Shard) -> list[Need]:
-    """Return what a shard is computed from: a pair's forecaster."""
-    return [forecasts_of(config.models, shard.number("pair"))]
 
 
 def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
@@ -134,6 +113,17 @@ def run_shard(config: Config, shard: Shard, inputs: Inputs) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=_shards,
+    needs=lambda config, shard: [need_forecasters(config.models, shard.number("pair"))],
+    label="simulated",
+    extent=("pairs",),
+    rtol=1e-6,
+)
 
 
 def selected(

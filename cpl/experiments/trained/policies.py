@@ -1,31 +1,34 @@
 """The trained base policies, for experiments that stand on them."""
 
-from collections.abc import Iterable
+from typing import Any
 
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.trained.base_policies import KINDS, Config
+from cpl.experiments.run.spec import Inputs, Need, Shard
+from cpl.experiments.trained.base_policies import KINDS, PROFILES
+from cpl.experiments.trained.pairs import with_pair
 from cpl.network import decode_networks
 from cpl.policies.greedy import Greedy
 
-__all__ = ["base_policy", "need_base_policies"]
+__all__ = ["base_policy", "need_policies", "need_policies_of_pair"]
 
 
-def need_base_policies(config: Config, pairs: Iterable[int]) -> Need:
-    """Ask for both policies of some pairs.
+def need_policies(models: str, pair: int) -> Need:
+    """Ask for both policies of a pair.
 
     Args:
-        config: How they are trained.
-        pairs: Which pairs.
+        models: Profile that trained them.
+        pair: Which pair.
 
-    Returns:
-        What an experiment's `upstream` lists.
-
-    Example:
-        >>> need_base_policies(Config(pairs=3), [2]).shards
+    Examples:
+        >>> need_policies("paper", 2).shards
         ('safe-2', 'speed-2')
     """
-    names = tuple(f"{kind}-{pair}" for pair in pairs for kind in KINDS)
-    return Need(experiment="base_policies", config=config, shards=names)
+    names = tuple(f"{kind}-{pair}" for kind in KINDS)
+    return Need(experiment="base_policies", config=with_pair(PROFILES[models], pair), shards=names)
+
+
+def need_policies_of_pair(config: Any, shard: Shard) -> list[Need]:  # noqa: ANN401 - with `models`
+    """Ask for the policies of a shard's pair."""
+    return [need_policies(config.models, shard.number("pair"))]
 
 
 def base_policy(inputs: Inputs, kind: str, pair: int) -> Greedy:

@@ -1,22 +1,26 @@
 """Agents that are trained otherwise than the paper's: what differs, their training, their use."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 
 from cpl.conformal import RunningMax
-from cpl.experiments.run.need import Inputs, Need
-from cpl.experiments.run.shard import Shard
-from cpl.experiments.trained import base_policies, forecasts
-from cpl.experiments.trained.forecasters import forecaster, need_forecasts
-from cpl.experiments.trained.policies import base_policy, need_base_policies
+from cpl.experiments.run.spec import Experiment, Inputs, Shard, grid
+from cpl.experiments.trained import base_policies
+from cpl.experiments.trained.forecasters import forecaster
+from cpl.experiments.trained.needs import needs_of_pair
+from cpl.experiments.trained.pairs import Models
+from cpl.experiments.trained.policies import base_policy
 from cpl.highway import Config as Road
 from cpl.network import encode_networks
 from cpl.policies.dqn import DQNConfig, train
 from cpl.policies.evaluate import Tracking
 from cpl.policies.listen import Hearing, Listening, View
 from cpl.rng import stream
+from cpl.settings.ranges import Choice, Count, Settings
 from cpl.store import plain
 
 __all__ = [
@@ -24,10 +28,9 @@ __all__ = [
     "Recipe",
     "Training",
     "hearing_of",
-    "pieces",
+    "retraining",
     "roads",
     "teach",
-    "upstream_of",
 ]
 
 _PAPER = View()
@@ -77,7 +80,7 @@ RECIPES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Training:
+class Training(Settings):
     """Which agents are trained, and the tracker inside their training.
 
     Attributes:
@@ -91,42 +94,18 @@ class Training:
         delay: Decisions after which a score is known [steps].
     """
 
-    pairs: int
-    recipes: tuple[str, ...]
-    models: str = "paper"
+    pairs: Count
+    recipes: Annotated[tuple[str, ...], Choice(tuple(RECIPES))]
+    models: Models = "paper"
     steps: int = 80_000
     alpha: float = 0.1
     share: float = 0.1
     delay: int = 3
 
     def __post_init__(self) -> None:
-        if self.pairs < 1:
-            raise ValueError(f"pairs must be at least 1, got {self.pairs!r}")
-        if wrong := [name for name in self.recipes if name not in RECIPES]:
-            raise ValueError(f"recipes must be among {sorted(RECIPES)}, got {wrong[0]!r}")
-        trained = base_policies.PROFILES.keys() & forecasts.PROFILES.keys()
-        if self.models not in trained:
-            raise ValueError(f"models must be one of {sorted(trained)}, got {self.models!r}")
+        super().__post_init__()
         DQNConfig(steps=self.steps)
         _tracking(self)
-
-
-def pieces(config: Training) -> list[Shard]:
-    """One training a shard; all recipes of a pair before the next pair's."""
-    return [
-        Shard(f"{name}-{pair}", {"recipe": name, "pair": pair})
-        for pair in range(config.pairs)
-        for name in config.recipes
-    ]
-
-
-def upstream_of(config: Training, pair: int) -> list[Need]:
-    """Ask for the policies and the forecasters of a pair."""
-    policies, networks = base_policies.PROFILES[config.models], forecasts.PROFILES[config.models]
-    return [
-        need_base_policies(replace(policies, pairs=max(policies.pairs, pair + 1)), [pair]),
-        need_forecasts(replace(networks, pairs=max(networks.pairs, pair + 1)), [pair]),
-    ]
 
 
 def roads(recipe: Recipe, models: str) -> list[Road]:
@@ -193,6 +172,23 @@ def teach(config: Training, name: str, pair: int, inputs: Inputs) -> pd.DataFram
     }
     table.loc[len(table) - 1, "model"] = encode_networks({"q": trained.network}, told)
     return table
+
+
+def retraining(profiles: Mapping[str, Training]) -> Experiment:
+    """Return the experiment of some trainings, one a shard."""
+
+    def run_shard(config: Training, shard: Shard, inputs: Inputs) -> pd.DataFrame:
+        return teach(config, shard.text("recipe"), shard.number("pair"), inputs)
+
+    return Experiment(
+        run=run_shard,
+        profiles=profiles,
+        shards=grid("{recipe}-{pair}", pair="pairs", recipe="recipes"),
+        needs=needs_of_pair,
+        label="simulated",
+        extent=("pairs", "recipes"),
+        rtol=1e-6,  # of the learning curve's means; models agree bit for bit
+    )
 
 
 def _tracking(config: Training) -> Tracking:

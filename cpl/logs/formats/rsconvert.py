@@ -15,6 +15,7 @@ __all__ = ["FORMAT"]
 
 _TIMES = ("hw timestamp (ms)", "backend timestamp(ms)", "host timestamp(ms)")
 _POSE = ("3dof_x", "3dof_y", "3dof_z", "6dof_x", "6dof_y", "6dof_z", "6dof_w")
+_STREAMS = ("gyro", "accel", "depth", "color", "infrared", "fisheye", "confidence")
 
 
 def _names(line: str) -> list[str]:
@@ -55,10 +56,16 @@ def _read(path: Path, options: Options) -> Run:
         columns={name: (names.index(there), 1.0) for name, there in places.items()},
         stamp=Stamp(place=names.index(time), power=3),
         first=at + 2,
-        only=lambda cells: len(cells) <= kind or cells[kind].strip().lower() == "pose",
+        only=lambda cells: _is_pose(cells[kind] if len(cells) > kind else ""),
         axes=None if options.axes else "t265",
     )
     return read_layout(path, options, layout, info, notes)
+
+
+def _is_pose(kind: str) -> bool | None:
+    """Tell whether a line is a pose's; None if it is of no stream that there is."""
+    kind = kind.strip().lower()
+    return kind == "pose" if kind == "pose" or kind in _STREAMS else None
 
 
 FORMAT = Format(

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import config, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
@@ -38,10 +38,17 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     Returns:
         The compiled function.
     """
+    if config.DISABLE_JIT:
+        return _refused
     compiled: Any = njit(cache=True, nogil=True, error_model="numpy", boundscheck=False)(function)
     # numba looks at a function's own file, but what it calls is compiled into it.
     compiled._cache._cache_file._source_stamp = _sources_digest()
     return compiled
+
+
+def _refused(*_: object) -> None:
+    msg = "the learner works on addresses, which Python cannot: unset NUMBA_DISABLE_JIT"
+    raise RuntimeError(msg)
 
 
 @cache

@@ -6,6 +6,5 @@ and never kept in git: there is nothing in them that could go stale.
 
 from cpl.publish.live._files import files_for_page, files_for_site
 from cpl.publish.live._script import as_script
-from cpl.publish.live._vectors import tracker_vectors
 
-__all__ = ["as_script", "files_for_page", "files_for_site", "tracker_vectors"]
+__all__ = ["as_script", "files_for_page", "files_for_site"]

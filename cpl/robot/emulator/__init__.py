@@ -5,13 +5,14 @@ are checked as the robot and the vendor's SDK check them. Faults come on demand.
 """
 
 from cpl.robot.emulator.body import Ideal
-from cpl.robot.emulator.faults import FAULTS, Fault, Faults
+from cpl.robot.emulator.faults import FAULTS, STRANGERS, Fault, Faults
 from cpl.robot.emulator.go1 import Endpoint
 from cpl.robot.emulator.lockstep import LockStep, StepClock
 from cpl.robot.emulator.twin import Emulation, rehearsal_world
 
 __all__ = [
     "FAULTS",
+    "STRANGERS",
     "Emulation",
     "Endpoint",
     "Fault",

@@ -15,16 +15,18 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from cpl.robot.clock import urgent
+from cpl.robot.clock import boottime, urgent
 from cpl.robot.emulator.body import Ideal
 from cpl.robot.emulator.faults import Fault, Faults
 from cpl.robot.emulator.twin import Emulation, rehearsal_world
 from cpl.robot.interfaces import Mode
 from cpl.robot.ports import address, is_loopback
+from cpl.robot.seal import key_of_file, key_of_stream
 
 STEP_S = 0.1
 LOOK_S = 0.005  # [s] the camera's 200 Hz
 SERVE_S = 0.001  # [s]
+STANDING_S = 1e6  # [s] before any time at which it walks
 ORPHAN_S = 5.0  # [s] of life after whoever started it is gone
 
 
@@ -40,6 +42,9 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--world", choices=("twin", "ideal"), default="twin")
     parser.add_argument("--fault", action="append", default=[], metavar="NAME@START:STOP")
     parser.add_argument("--black-box", type=Path)
+    parser.add_argument(
+        "--key-file", type=Path, metavar="FILE", help="the camera's key, mode 600 (default: stdin)"
+    )
     parser.add_argument("--life", type=float, default=600.0, help="leave after so long [s]")
     chosen = parser.parse_args(words)
     if not is_loopback(chosen.camera[0]):
@@ -47,13 +52,17 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         faults = [_fault(text) for text in chosen.fault]
         x, y, yaw = map(float, chosen.start.split(","))
-    except ValueError as error:
+        file = chosen.key_file
+        key = key_of_file(file) if file else key_of_stream(sys.stdin.buffer)
+    except (ValueError, OSError) as error:
         parser.error(str(error))
     world = Ideal() if chosen.world == "ideal" else rehearsal_world()
     if chosen.world == "twin":
         world.reset((x, y, yaw), chosen.seed)
         world.step((0.0, 0.0, 0.0))  # compiled before anybody waits for it
-    emulation = Emulation(world, chosen.camera, Faults(faults, chosen.seed), port=chosen.port)
+    emulation = Emulation(
+        world, chosen.camera, Faults(faults, chosen.seed), key=key, port=chosen.port
+    )
     emulation.place((x, y, yaw), chosen.seed)
     process = _Process(emulation, chosen.black_box)
     for name in (signal.SIGTERM, signal.SIGINT):
@@ -72,17 +81,18 @@ class _Process:
     def __init__(self, emulation: Emulation, black_box: Path | None) -> None:
         self.stop = threading.Event()
         self._emulation, self._box = emulation, black_box
+        self._begun_s = boottime()
         self._walks_s: float | None = None  # when the first velocity came: faults count from there
 
     def run(self, life_s: float) -> None:
         """Live for so long, or until told to stop."""
         endpoint = threading.Thread(target=self._serve, daemon=True)
         endpoint.start()
-        begun = due = time.monotonic()
+        begun = due = boottime()
         steps = 0
         parent, orphaned = os.getppid(), float("inf")
         while not self.stop.is_set() and due < min(begun + life_s, orphaned + ORPHAN_S):
-            now = time.monotonic()
+            now = boottime()
             orphaned = min(orphaned, now) if os.getppid() != parent else float("inf")
             if now >= begun + steps * STEP_S:
                 steps = max(steps + 1, int((now - begun) / STEP_S) - 4)
@@ -90,34 +100,38 @@ class _Process:
             picture = begun + (steps - 1) * STEP_S
             self._emulation.look(self._time(now), min(now - picture, STEP_S))
             due = max(due + LOOK_S, now - STEP_S)
-            time.sleep(max(0.0, due - time.monotonic()))
+            time.sleep(max(0.0, due - boottime()))
         self.stop.set()
         endpoint.join()
         self._emulation.close()
 
     def cut(self) -> None:
         """Let the cable be cut from now on; SIGUSR1 does it."""
-        now = self._time(time.monotonic())
+        now = self._time(boottime())
         self._emulation.faults.planned.append(Fault(name="cut", start_s=now))
 
     def _serve(self) -> None:
         go1, told = self._emulation.go1, 0
         box = None if self._box is None else self._box.open("w", encoding="utf-8", buffering=1)
         while not self.stop.wait(SERVE_S):
-            now = time.monotonic()
+            now = boottime()
+            told_s = time.monotonic()  # what those who read the black box measure with
             go1.serve(self._time(now))
             for seen in go1.seen[told:]:
                 if self._walks_s is None and seen.mode == Mode.WALK:
                     self._walks_s = now
                 if box is not None:
-                    box.write(json.dumps({"t": now, "mode": seen.mode, "v": seen.velocity}) + "\n")
+                    box.write(
+                        json.dumps({"t": told_s, "mode": seen.mode, "v": seen.velocity}) + "\n"
+                    )
             told = len(go1.seen)
         if box is not None:
             box.close()
 
     def _time(self, now: float) -> float:
         """Return the time since the robot was first asked to walk; before, it is negative [s]."""
-        return -1.0 if self._walks_s is None else now - self._walks_s
+        walks_s = self._walks_s
+        return now - self._begun_s - STANDING_S if walks_s is None else now - walks_s
 
 
 def _fault(text: str) -> Fault:

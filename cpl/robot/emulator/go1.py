@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from cpl.robot.emulator.faults import Faults
 from cpl.robot.interfaces import ZERO, Command, Mode, Pose
-from cpl.robot.ports import Address, drain_from, receiver
+from cpl.robot.ports import Address, drain_from, receiver, send
 from cpl.robot.wire import (
     STATE_BYTES,
     HighCommand,
@@ -20,6 +20,7 @@ from cpl.robot.wire import (
 __all__ = ["Endpoint", "Seen"]
 
 RESTART_MPS = 0.15  # [m/s] after mode 0 a slower command does not start the gait again
+DRIFT_MPS = 1.0  # [m/s] of odometry that drifts
 RELEASE_S = 2.0  # [s] of silence before the robot listens to somebody else
 
 
@@ -41,6 +42,7 @@ class Endpoint:
     Attributes:
         port: Where it listens; 0 for any that is free.
         faults: What goes wrong.
+        far: Whether the cable lies between the robot and whoever speaks to it.
         battery: State of charge [%].
         refused: Datagrams that were no command, by what was wrong with them.
         seen: Every command that was obeyed.
@@ -48,17 +50,20 @@ class Endpoint:
 
     port: int = 0
     faults: Faults = field(default_factory=Faults)
+    far: bool = True
     battery: int = 85
     refused: Counter[str] = field(default_factory=Counter[str])
     seen: list[Seen] = field(default_factory=list[Seen])
 
     def __post_init__(self) -> None:
         self._socket = receiver(self.port)
-        self._in, self._out = self.faults.channel(), self.faults.channel()
+        cable = self.faults if self.far else Faults()
+        self._in, self._out = cable.cable(), cable.cable()
         self._client: Address | None = None
         self._heard_s = float("-inf")
         self._command = HighCommand(mode=Mode.STAND, velocity=ZERO)
         self._idle, self._owed = False, 0
+        self._kept: Pose | None = None
         self.odometry: Pose = ZERO
         self.velocity: Command = ZERO
 
@@ -100,7 +105,7 @@ class Endpoint:
         self._owed = 0
         for data in self._out.take(now):
             if self._client is not None:
-                self._socket.sendto(data, self._client)
+                send(self._socket, data, self._client)
 
     def close(self) -> None:
         """Let the port go."""
@@ -121,6 +126,15 @@ class Endpoint:
         self._command = command
         self.seen.append(Seen(t_s=now, mode=command.mode, velocity=command.velocity))
 
+    def _walked(self, now: float) -> Pose:
+        """Return what the robot makes of its own steps."""
+        if self.faults.active("odometry_frozen", now):
+            self._kept = self._kept or self.odometry
+            return self._kept
+        self._kept = None
+        x, y, yaw = self.odometry
+        return x + DRIFT_MPS * (self.faults.since("odometry_drifts", now) or 0.0), y, yaw
+
     def _state(self, now: float) -> bytes:
         if self.faults.active("babble", now):
             return self.faults.noise(STATE_BYTES)
@@ -129,7 +143,7 @@ class Endpoint:
                 mode=self._command.mode,
                 battery=5 if self.faults.active("battery", now) else self.battery,
                 velocity=self.velocity,
-                odometry=self.odometry,
+                odometry=self._walked(now),
                 version=(3, 8),
             )
         )

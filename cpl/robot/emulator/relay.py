@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import select
 import threading
-import time
 
+from cpl.robot.clock import boottime
 from cpl.robot.emulator.faults import Fault, Faults
-from cpl.robot.ports import Address, drain_from, receiver
+from cpl.robot.ports import Address, drain_from, receiver, send
 
 __all__ = ["Relay"]
 
@@ -22,7 +22,7 @@ class Relay:
     def __init__(self, to: Address) -> None:
         self._to, self._front, self._back = to, receiver(), receiver()
         self._faults = Faults()
-        self._there, self._return = self._faults.channel(), self._faults.channel()
+        self._there, self._return = self._faults.cable(), self._faults.cable()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._carry, daemon=True)
         self._thread.start()
@@ -39,7 +39,7 @@ class Relay:
             name: One of `dropped`, `late`, `duplicated`, `corrupted`, `cut`.
             seconds: For how long [s].
         """
-        now = time.monotonic()
+        now = boottime()
         self._faults.planned.append(Fault(name=name, start_s=now, stop_s=now + seconds))
 
     def close(self) -> None:
@@ -53,13 +53,13 @@ class Relay:
         client: Address | None = None
         while not self._stop.is_set():
             select.select([self._front, self._back], [], [], 0.005)
-            now = time.monotonic()
+            now = boottime()
             for data, client in drain_from(self._front):  # noqa: B007 - the last one counts
                 self._there.put(data, now)
             for data, _ in drain_from(self._back):
                 self._return.put(data, now)
             for data in self._there.take(now):
-                self._back.sendto(data, self._to)
+                send(self._back, data, self._to)
             for data in self._return.take(now):
                 if client is not None:
-                    self._front.sendto(data, client)
+                    send(self._front, data, client)

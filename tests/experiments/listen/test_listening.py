@@ -101,7 +101,7 @@ def test_agents_are_asked_of_those_who_trained_them():
 @pytest.mark.parametrize("module", MODULES)
 def test_every_profile_has_shards_of_unique_names(module):
     for config in module.PROFILES.values():
-        names = [shard.name for shard in module.shards(config)]
+        names = [shard.name for shard in module.EXPERIMENT.shards(config)]
         assert len(names) == len(set(names)) > 0
 
 
@@ -109,8 +109,8 @@ def test_every_profile_has_shards_of_unique_names(module):
     ("module", "changes", "message"),
     [
         (agents_why, {"recipes": ("magic",)}, "got 'magic'"),
-        (agents_why, {"pairs": 0}, "pairs must be at least 1"),
-        (agents_beyond, {"models": "none"}, "models must be one of"),
+        (agents_why, {"pairs": 0}, "pairs must be in"),
+        (agents_beyond, {"models": "none"}, "models must be in"),
         (agents_beyond, {"steps": 0}, "steps"),
         (why_do, {"agents": ("rl_nq",)}, "got 'rl_nq'"),
         (why_do, {"q_values": ()}, "q_values"),

@@ -5,13 +5,13 @@ import pytest
 
 from cpl.experiments import published
 from cpl.experiments.road import first_drive
-from cpl.experiments.road.first_drive import PROFILES, Config, along, run_shard, shards
+from cpl.experiments.road.first_drive import EXPERIMENT, PROFILES, Config, along
 
 
 @pytest.fixture(scope="module")
 def ride():
     config = PROFILES["smoke"]
-    return run_shard(config, shards(config)[1])
+    return EXPERIMENT.run(config, EXPERIMENT.shards(config)[1])
 
 
 def test_a_ride_starts_with_the_reset_and_has_one_own_row_a_step(ride):
@@ -32,7 +32,8 @@ def test_the_nearest_car_of_the_table_is_at_the_distance_that_is_told(ride):
 
 def test_both_ranges_start_in_the_same_traffic():
     config = PROFILES["smoke"]
-    starts = [run_shard(config, shard).query("step == 0") for shard in shards(config)]
+    pieces = EXPERIMENT.shards(config)
+    starts = [EXPERIMENT.run(config, shard).query("step == 0") for shard in pieces]
     np.testing.assert_array_equal(starts[0]["x_m"], starts[1]["x_m"])
 
 
@@ -52,4 +53,4 @@ def test_impossible_rides_are_refused(setting, value):
 
 
 def test_the_tolerance_allows_for_other_processors():
-    assert 0 < first_drive.RTOL < 1e-3
+    assert 0 < first_drive.EXPERIMENT.rtol < 1e-3

@@ -34,7 +34,7 @@ def test_every_room_says_what_it_asks():
 def test_two_files_of_one_name_are_refused(tmp_path, monkeypatch):
     for room in ("a", "b"):
         (tmp_path / room).mkdir()
-        (tmp_path / room / "same.py").write_text("def run_shard(config, shard): ...\n")
+        (tmp_path / room / "same.py").write_text("EXPERIMENT = 1\n")
     monkeypatch.setattr(found, "__file__", str(tmp_path / "run" / "found.py"))
     with pytest.raises(ValueError, match=r"one name: cpl\.experiments\.a\.same and cpl"):
         found._found.__wrapped__()

@@ -7,12 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cpl.experiments.run import execute
 from cpl.experiments.run import job as _job
 from cpl.experiments.run import publication as _machinery
 from cpl.experiments.run.job import job_of
-from cpl.experiments.run.need import Need
 from cpl.experiments.run.publication import publish_result, published, run_job, verify
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Need, grid
 from cpl.store import encode_model, table_digest
 
 
@@ -46,21 +46,17 @@ def toys(monkeypatch, tmp_path):
         base = inputs["base"][f"seed-{shard.number('seed')}"]
         return pd.DataFrame({"seed": base["seed"] + config.shift, "bytes": [len(base["model"][0])]})
 
-    def shards(config):
-        return [Shard(f"seed-{k}", {"seed": k}) for k in range(config.seeds)]
-
-    def upstream(config, shard):
+    def needs(config, shard):
         need = Base(seeds=config.seeds, scale=config.scale)
         return [Need(experiment="proximity", config=need, shards=(shard.name,), name="base")]
 
-    common = {"LABEL": "exact", "shards": shards, "EXTENT": ("seeds",)}
+    cut = grid("seed-{seed}", seed="seeds")
+    common = {"label": "exact", "shards": cut, "extent": ("seeds",)}
     known = {
-        "proximity": SimpleNamespace(PROFILES={"paper": Base()}, run_shard=make, **common),
-        "pathwise": SimpleNamespace(
-            PROFILES={"paper": Above()}, run_shard=use, upstream=upstream, **common
-        ),
+        "proximity": Experiment(profiles={"paper": Base()}, run=make, **common),
+        "pathwise": Experiment(profiles={"paper": Above()}, run=use, needs=needs, **common),
     }
-    for module in (_job, _machinery):
+    for module in (_job, _machinery, execute):
         monkeypatch.setattr(module, "experiment", known.__getitem__)
     results = tmp_path / "data" / "results"
     for module in ("published", "paths"):
@@ -120,9 +116,9 @@ def test_verification_runs_the_shard_but_not_its_published_inputs(toys):
 
 
 def test_a_need_for_shards_that_do_not_exist_is_refused(toys):
-    module = toys.known["pathwise"]
-    module.upstream = lambda _config, _shard: [
-        Need(experiment="proximity", config=Base(), shards=("seed-9",))
-    ]
+    def needs(_config, _shard):
+        return [Need(experiment="proximity", config=Base(), shards=("seed-9",))]
+
+    toys.known["pathwise"] = replace(toys.known["pathwise"], needs=needs)
     with pytest.raises(ValueError, match=r"shards of 'proximity' must be among its own.*seed-9"):
         run_job(above())

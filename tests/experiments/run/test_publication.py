@@ -1,11 +1,14 @@
 import re
+from dataclasses import replace
 
 import pytest
 
 from cpl.experiments import compute, names, published, verify
 from cpl.experiments.run import publication as machinery
 from cpl.experiments.run.found import module_of
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.job import question
+from cpl.experiments.run.spec import Shard
+from cpl.experiments.theory import split_conformal
 from cpl.store import DamagedResultError, import_closure
 
 THEORY = [
@@ -22,14 +25,17 @@ def layer(tmp_path, monkeypatch):
     return folder
 
 
+def uniform(_kind, draws, size, rng):
+    return rng.random((draws, size))
+
+
 @pytest.fixture
 def small(monkeypatch):
     """Let the profile that is published be the small one."""
-    from cpl.experiments.theory import split_conformal
-
     profiles = {**split_conformal.PROFILES, "paper": split_conformal.PROFILES["smoke"]}
-    monkeypatch.setattr(split_conformal, "PROFILES", profiles)
-    return split_conformal
+    shrunken = replace(split_conformal.EXPERIMENT, profiles=profiles)
+    monkeypatch.setattr(split_conformal, "EXPERIMENT", shrunken)
+    return shrunken
 
 
 def test_the_theory_experiments_are_there_and_not_imported_by_the_package():
@@ -38,14 +44,13 @@ def test_the_theory_experiments_are_there_and_not_imported_by_the_package():
     assert not any(module_of(name) in closure for name in THEORY)
 
 
-@pytest.mark.parametrize("name", THEORY)
+@pytest.mark.parametrize("name", names())
 def test_every_experiment_keeps_the_contract(name):
-    module = machinery.experiment(name)
-    assert list(module.PROFILES) == ["smoke", "book", "paper"]
-    assert module.__doc__.partition("\n")[0].endswith("?")
-    assert module.LABEL in {"exact", "simulated", "proved"}
-    for config in module.PROFILES.values():
-        pieces = module.shards(config)
+    spec = machinery.experiment(name)
+    assert list(spec.profiles) == ["smoke", "book", "paper"]
+    assert "?" in question(name)
+    for config in spec.profiles.values():
+        pieces = spec.shards(config)
         assert len({piece.name for piece in pieces}) == len(pieces)
         assert type(config).__dataclass_params__.frozen
 
@@ -75,9 +80,9 @@ def test_compute_is_pure_and_found_again():
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        (("split_conformol",), r"no experiment 'split_conformol', did you mean 'split_conformal'"),
+        (("split_conformol",), r"no experiment 'split_conformol'; did you mean 'split_conformal'"),
         (("_machinery",), "no experiment '_machinery'"),
-        (("windows", "papr"), r"no profile of windows 'papr', did you mean 'paper'"),
+        (("windows", "papr"), r"no profile of windows 'papr'; did you mean 'paper'"),
     ],
 )
 def test_unknown_names_are_refused_with_a_guess(words, named):
@@ -89,10 +94,10 @@ def test_unknown_names_are_refused_with_a_guess(words, named):
     ("changes", "named"),
     [
         ({"drows": 5}, "did you mean 'draws'"),
-        ({"draws": 2.5}, "draws must be an integer, got 2.5"),
-        ({"draws": True}, "draws must be an integer, got True"),
-        ({"alpha": float("nan")}, "alpha must be a number, got nan"),
-        ({"alpha": "0.1"}, "alpha must be a number, got '0.1'"),
+        ({"draws": 2.5}, "draws must be an int in [1, inf), got 2.5"),
+        ({"draws": True}, "draws must be an int in [1, inf), got True"),
+        ({"alpha": float("nan")}, "alpha must be a float, got nan"),
+        ({"alpha": "0.1"}, "alpha must be a float, got '0.1'"),
         ({"alpha": 2.0}, r"alpha must lie in (0, 1), got 2.0"),
         ({"n": 3}, "n=3"),
     ],
@@ -114,7 +119,7 @@ def test_publish_read_verify(layer, small):
     manifest = publish("split_conformal")
     assert manifest.experiment == "split_conformal"
     result = published("split_conformal")
-    assert result.config == small.PROFILES["paper"]
+    assert result.config == small.profiles["paper"]
     assert result.provenance.verified is not None
     assert result.provenance.stale == ()
     report = verify("split_conformal", sample=99)
@@ -142,7 +147,9 @@ def test_a_change_of_code_is_noticed_and_a_change_of_numbers_differs(layer, smal
     told = published("split_conformal").provenance
     assert told.verified is None
     assert "code changed: cpl.rng" in told.stale
-    monkeypatch.setattr(small, "_draw", lambda kind, draws, size, rng: rng.random((draws, size)))
+    monkeypatch.setattr(
+        split_conformal, "_draw", lambda kind, draws, size, rng: rng.random((draws, size))
+    )
     report = verify("split_conformal", sample=4)
     assert not report.agrees
     assert any("column" in line for line in report.differences)
@@ -158,16 +165,17 @@ def test_a_verification_is_recorded_only_if_asked_and_only_if_it_agrees(layer, s
     assert told.verified is not None
     assert (layer / "split_conformal" / "paper.json").read_bytes() != before
     again = (layer / "split_conformal" / "paper.json").read_bytes()
-    monkeypatch.setattr(small, "_draw", lambda kind, draws, size, rng: rng.random((draws, size)))
+    monkeypatch.setattr(
+        split_conformal, "_draw", lambda kind, draws, size, rng: rng.random((draws, size))
+    )
     assert not machinery.verify("split_conformal", "paper", sample=4, seed=0, record=True).agrees
     assert (layer / "split_conformal" / "paper.json").read_bytes() == again
 
 
 def test_a_changed_profile_is_said_so(layer, small, monkeypatch):
     publish("split_conformal")
-    monkeypatch.setattr(
-        small, "PROFILES", {"paper": small.Config(alpha=0.2, n=50, draws=500, seed=0)}
-    )
+    other = {"paper": replace(small.profiles["paper"], alpha=0.2)}
+    monkeypatch.setattr(split_conformal, "EXPERIMENT", replace(small, profiles=other))
     assert "parameter alpha: 0.1 -> 0.2" in published("split_conformal").provenance.stale
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from cpl.experiments import compute
-from cpl.experiments.trained.base_policies import PROFILES, Config, road, run_shard, shards
+from cpl.experiments.trained.base_policies import EXPERIMENT, PROFILES, Config, road
 from cpl.experiments.trained.learner_check import compare
-from cpl.experiments.trained.policies import base_policy, need_base_policies
+from cpl.experiments.trained.policies import base_policy, need_policies
 from cpl.highway import PAPER
 from cpl.network import decode_networks
 
@@ -16,7 +16,7 @@ def test_the_papers_road_and_rewards():
     assert road(config, "speed") == PAPER
     safe = road(config, "safe")
     assert (safe.collision_reward, safe.high_speed_reward, safe.right_lane_reward) == (-1, 0, 0)
-    assert len(shards(config)) == 20
+    assert len(EXPERIMENT.shards(config)) == 20
     with pytest.raises(ValueError, match=r"kind must be one of .* got 'fast'"):
         road(config, "fast")
 
@@ -29,7 +29,7 @@ def test_trained_policies_are_found_again():
     last = table.groupby("kind")["model"].last()
     assert table["model"].map(bool).sum() == 2
     assert decode_networks(last["safe"]).config["parameters"]["steps"] == 400
-    need = need_base_policies(result.config, [0])
+    need = need_policies("paper", 0)
     inputs = {need.label: {f"{kind}-0": rows for kind, rows in table.groupby("kind")}}
     obs = np.random.default_rng(0).random((6, 5, 5), dtype=np.float32)
     for kind in ("safe", "speed"):
@@ -42,16 +42,16 @@ def test_trained_policies_are_found_again():
 
 def test_a_pair_is_the_same_however_many_there_are():
     one, two = (Config(pairs=n, steps=200, vehicles_count=4, hidden=(16,)) for n in (1, 2))
-    first = [run_shard(config, shards(config)[0]) for config in (one, two)]
+    first = [EXPERIMENT.run(config, EXPERIMENT.shards(config)[0]) for config in (one, two)]
     assert first[0].equals(first[1])
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"pairs": 0}, "pairs must be at least 1, got 0"),
+        ({"pairs": 0}, r"pairs must be in \[1, inf\)"),
         ({"learner": "torch"}, "learner must be .* got 'torch'"),
-        ({"levels": 1}, "levels must be at least 2, got 1"),
+        ({"levels": 1}, r"levels must be in \[2, inf\)"),
         ({"steps": 0}, "steps must be an integer >= 1, got 0"),
         ({"vehicles_count": -1}, "vehicles_count must be"),
     ],
