@@ -15,9 +15,9 @@ from typing import Any
 from cpl.experiments.run.found import names
 from cpl.experiments.run.job import Job, experiment, job
 from cpl.experiments.run.schedule import Piece
-from cpl.store import WorkStore, atomic_write, data_path, read_manifest
+from cpl.store import Manifest, WorkStore, atomic_write, data_path, read_manifest
 
-__all__ = ["Stage", "expected_seconds", "record", "stages"]
+__all__ = ["Stage", "expected_seconds", "piece_seconds", "record", "stages"]
 
 _PUBLISHED = "paper"
 _FILE = ("scale", "seconds.json")
@@ -90,6 +90,13 @@ def expected_seconds(name: str, pieces: Collection[str]) -> float | None:
         return None
     own = known.get(name, {})
     return sum(own.get(piece, mean) for piece in pieces)
+
+
+def piece_seconds(manifest: Manifest) -> dict[str, float]:
+    """Return what each piece of a published result should take, by name."""
+    mean = manifest.seconds / len(manifest.shards)
+    own = _read().get(manifest.experiment, {}) if manifest.profile == _PUBLISHED else {}
+    return {shard.name: own.get(shard.name, mean) for shard in manifest.shards}
 
 
 def record(store: WorkStore | None = None) -> Path:

@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from cpl.experiments.run.attestation import Attestation
 from cpl.experiments.run.execute import run_again, run_job
 from cpl.experiments.run.found import module_of
 from cpl.experiments.run.job import Job, experiment, job, job_of
@@ -39,8 +40,10 @@ __all__ = [
     "publish_result",
     "published",
     "record_agreement",
+    "record_attested",
     "run_job",
     "verify",
+    "verify_pieces",
 ]
 
 
@@ -143,34 +146,55 @@ def verify(name: str, profile: str, *, sample: int, seed: int, record: bool = Fa
     if sample < 1:
         msg = f"sample must be positive, got {sample!r}"
         raise ValueError(msg)
-    spec = experiment(name)
-    table, manifest = read_published(name, profile)
-    task = job_of(name, profile, _rebuilt(spec, profile, manifest.parameters))
+    manifest = read_manifest(name, profile)
     rng = stream(seed, "verify", name, profile)
     count = min(sample, len(manifest.shards))
     drawn = sorted(rng.choice(len(manifest.shards), size=count, replace=False).tolist())
-    begun, differences = time.process_time(), list[str]()
-    for shard in (manifest.shards[i] for i in drawn):
-        stored = table.iloc[shard.first_row : shard.first_row + shard.rows]
-        difference = _difference(task, shard.name, stored)
-        if difference:
-            differences.append(f"{shard.name}: {difference}")
-    report = Report(
-        experiment=name,
-        profile=profile,
-        checked=tuple(manifest.shards[i].name for i in drawn),
-        of=len(manifest.shards),
-        differences=tuple(differences),
-        seconds=time.process_time() - begun,
-    )
+    report = verify_pieces(name, profile, [manifest.shards[i].name for i in drawn])
     if record and report.agrees:
         _record(manifest, report.checked)
     return report
 
 
+def verify_pieces(name: str, profile: str, pieces: Sequence[str]) -> Report:
+    """Re-execute the named pieces of a published result and compare.
+
+    Raises:
+        FileNotFoundError: If nothing is published under these names.
+        ValueError: If the result has no such piece, or the experiment is unknown.
+        cpl.store.DamagedResultError: If the published files do not agree with each other.
+    """
+    spec = experiment(name)
+    table, manifest = read_published(name, profile)
+    places = {shard.name: shard for shard in manifest.shards}
+    if unknown := [piece for piece in pieces if piece not in places]:
+        raise ValueError(f"pieces must be among those of {name}/{profile}, got {unknown}")
+    task = job_of(name, profile, _rebuilt(spec, profile, manifest.parameters))
+    begun, differences = time.process_time(), list[str]()
+    for shard in (places[piece] for piece in pieces):
+        stored = table.iloc[shard.first_row : shard.first_row + shard.rows]
+        difference = _difference(task, shard.name, stored)
+        if difference:
+            differences.append(f"{shard.name}: {difference}")
+    return Report(
+        experiment=name,
+        profile=profile,
+        checked=tuple(pieces),
+        of=len(manifest.shards),
+        differences=tuple(differences),
+        seconds=time.process_time() - begun,
+    )
+
+
 def record_agreement(name: str, profile: str, shards: Sequence[str]) -> None:
     """Write down that shards of a published result were computed again, and are the same."""
     _record(read_manifest(name, profile), shards)
+
+
+def record_attested(name: str, profile: str) -> None:
+    """Write into a manifest which pieces today's source computed again, as attested."""
+    manifest = read_manifest(name, profile)
+    _record(manifest, sorted(Attestation().today(manifest)))
 
 
 def _difference(task: Job, shard: str, stored: pd.DataFrame) -> str | None:
