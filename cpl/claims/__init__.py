@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cpl.claims.row import ClaimsTable, Row, TwinTable
+    from cpl.claims.row import ClaimsTable, MachinesTable, Row, TwinTable
 
 __all__ = [
     "accept",
@@ -24,6 +24,7 @@ __all__ = [
     "discussed_in",
     "fix",
     "ledger",
+    "machines_table",
     "own",
     "table",
     "twin_table",
@@ -38,7 +39,7 @@ def ledger(*, root: Path | None = None) -> list[Row]:
 
     Returns:
         Rows with the fields `row, claim, paper_value, value, low, high, n, n_seeds, rule, verdict,
-        flags, chapter, computed_from, in_the_twin`, in order. A claim whose results are not
+        flags, chapter, computed_from, in_the_twin, on_other_machines`, in order. A claim whose results are not
         published yet says `pending`.
 
     Raises:
@@ -99,6 +100,18 @@ def discussed_in(chapter: str) -> tuple[int, ...]:
     from cpl.claims._ledger import claims as _claims
 
     return tuple(row for row, claim in _claims().items() if claim.chapter == chapter)
+
+
+def machines_table() -> MachinesTable:
+    """Show the rows that recordings of other machines say something of, which is never a verdict.
+
+    Examples:
+        >>> print(str(machines_table()).splitlines()[0])
+        | # | claim | verdict | on other machines |
+    """
+    from cpl.claims._ledger import show_machines
+
+    return show_machines()
 
 
 def twin_table() -> TwinTable:

@@ -65,4 +65,5 @@ def _line(row: Row) -> str:
     flags = [flag for flag in row.flags if flag != row.verdict]
     marks = f"  ({', '.join(flags)})" if flags else ""
     twin = f"\n{'':4s}in the twin: {row.in_the_twin}" if row.in_the_twin else ""
-    return f"{row.row:2d}  {row.verdict:36s}{row.claim}{found}{marks}{twin}"
+    other = f"\n{'':4s}on other machines: {row.on_other_machines}" if row.on_other_machines else ""
+    return f"{row.row:2d}  {row.verdict:36s}{row.claim}{found}{marks}{twin}{other}"
