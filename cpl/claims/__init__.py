@@ -39,8 +39,8 @@ def ledger(*, root: Path | None = None) -> list[Row]:
 
     Returns:
         Rows with the fields `row, claim, paper_value, value, low, high, n, n_seeds, rule, verdict,
-        flags, chapter, computed_from, in_the_twin, on_other_machines`, in order. A claim whose results are not
-        published yet says `pending`.
+        flags, chapter, computed_from, in_the_twin, on_other_machines`, in order. A claim whose
+        results are not published yet says `pending`.
 
     Raises:
         cpl.store.DamagedResultError: If a published result does not agree with its manifest.

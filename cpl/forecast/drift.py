@@ -8,12 +8,14 @@ what is asked is what a tracker makes of its errors when it meets another machin
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.stats import rankdata
 
 from cpl.conformal import RunningMax, track_episodes
 from cpl.quadruped.analysis import coverage_beside_bound
@@ -180,27 +182,29 @@ def answers(found: Met, *, alpha: float, seed: int, resamples: int) -> pd.DataFr
         own motion.
     """
     steps, delay = found.steps, found.delay
-    numbers = {
-        "coverage": lambda part: 1 - part["err"].mean(),
-        "coverage_frozen": lambda part: 1 - part["err_frozen"].mean(),
-        "bursts": lambda part: _bursts(part["err"].to_numpy(), delay),
-        "bursts_frozen": lambda part: _bursts(part["err_frozen"].to_numpy(), delay),
-        "with_speed": lambda part: _ranked(part["speed_mps"], part["drift_m"]),
-        "with_turning": lambda part: _ranked(part["turn_radps"], part["drift_m"]),
+    column = {name: steps[name].to_numpy() for name in steps}
+    numbers: dict[str, Callable[[NDArray[np.intp]], float]] = {
+        "coverage": lambda at: 1 - column["err"][at].mean(),
+        "coverage_frozen": lambda at: 1 - column["err_frozen"][at].mean(),
+        "bursts": lambda at: _bursts(column["err"][at], delay),
+        "bursts_frozen": lambda at: _bursts(column["err_frozen"][at], delay),
+        "with_speed": lambda at: _ranked(column["speed_mps"][at], column["drift_m"][at]),
+        "with_turning": lambda at: _ranked(column["turn_radps"][at], column["drift_m"][at]),
     }
     step = float(np.median(np.diff(steps["t_s"])))
     block = max(1, round(BLOCK_S / step))
-    blocks = [steps.iloc[at : at + block] for at in range(0, len(steps) - block + 1, block)]
+    every = np.arange(len(steps))
+    blocks = every[: len(every) // block * block].reshape(-1, block)
     rows: list[dict[str, Any]] = []
     for name, count in numbers.items():
         rng = stream(seed, "recorded", name)
         drawn = [
-            count(pd.concat([blocks[k] for k in rng.integers(len(blocks), size=len(blocks))]))
+            count(blocks[rng.integers(len(blocks), size=len(blocks))].ravel())
             for _ in range(resamples if len(blocks) > 3 else 0)
         ]
         told = [each for each in drawn if np.isfinite(each)]
         low, high = np.quantile(told, [0.025, 0.975]) if told else (np.nan, np.nan)
-        row = {"number": name, "value": count(steps), "low": low, "high": high, "n": len(steps)}
+        row = {"number": name, "value": count(every), "low": low, "high": high, "n": len(steps)}
         rows.append(row)
     covered, owed = found.windows["coverage"], found.windows["guaranteed"]
     shares = {
@@ -224,9 +228,9 @@ def _bursts(err: NDArray[np.bool], delay: int) -> float:
     return float(err[delay:][known].mean() / err.mean())
 
 
-def _ranked(x: pd.Series, y: pd.Series) -> float:
+def _ranked(x: Array, y: Array) -> float:
     """Return Spearman's rank correlation; NaN where one of both is constant."""
-    a, b = x.rank().to_numpy(), y.rank().to_numpy()
+    a, b = rankdata(x), rankdata(y)
     if not (a.std() > 0 and b.std() > 0):
         return float("nan")
     return float(np.corrcoef(a, b)[0, 1])
