@@ -33,7 +33,7 @@ def coverages(table: pd.DataFrame, *, alpha: float, label: str) -> Card:
             names.index(met) + offsets[names.index(trained)] + lift
             for trained, met in zip(rows["trained"], rows["met"], strict=True)
         ]
-        own = (rows["trained"] == rows["met"]).to_numpy()
+        own = rows["trained"].to_numpy() == rows["met"].to_numpy()
         values, height = rows["value"].to_numpy(), np.array(height)
         word = "frozen margin" if number.endswith("frozen") else "carried tracker"
         axes.scatter(values[~own], height[~own], s=18, marker=marker, facecolors="none",

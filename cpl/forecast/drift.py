@@ -117,7 +117,7 @@ def halves(series: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
     middle = float(series["t_s"].iloc[len(series) // 2])
     step = float(np.median(np.diff(series["t_s"])))
     reach = middle + 10 * step
-    return series[series["t_s"] < middle], series[series["t_s"] >= reach]
+    return series.query("t_s < @middle"), series.query("t_s >= @reach")
 
 
 def meet(
@@ -159,7 +159,8 @@ def meet(
         err=after.err,
         err_frozen=scores[1] > frozen,
     )
-    windows = windows[windows["window"] >= len(trained)].reset_index(drop=True)
+    begins = len(trained)
+    windows = windows.query("window >= @begins").reset_index(drop=True)
     return Met(steps=steps, windows=windows, frozen=frozen, delay=delay)
 
 
@@ -213,7 +214,7 @@ def answers(found: Met, *, alpha: float, seed: int, resamples: int) -> pd.DataFr
         "windows_broken": covered < owed - 1e-9,
     }
     for name, share in shares.items():
-        value = float(share.mean()) if len(share) else np.nan
+        value = float(np.mean(share.to_numpy())) if len(share) else np.nan
         rows.append(
             {"number": name, "value": value, "low": np.nan, "high": np.nan, "n": len(share)}
         )

@@ -112,10 +112,9 @@ def of_feet(contacts: pd.DataFrame, *, horizon_s: float, step_s: float) -> pd.Da
     if lacking := [name for name in wanted if name not in contacts]:
         msg = f"contacts must have the columns {', '.join(wanted)}, got no {lacking[0]}"
         raise ValueError(msg)
-    moments = {
-        float(t): {int(row[1]): np.array(row[2:]) for row in part[wanted].to_numpy()}
-        for t, part in contacts.groupby("timestamp_s")
-    }
+    moments: dict[float, dict[int, Array]] = {}
+    for t, foot, *place in contacts[wanted].to_numpy(dtype=np.float64).tolist():
+        moments.setdefault(t, {})[int(foot)] = np.array(place)
     times, slips, moved, turned = [0.0], [0.0], [np.zeros(3)], [0.0]
     before: tuple[float, dict[int, Array]] | None = None
     begin = min(moments)
@@ -225,4 +224,4 @@ def _series(
     told = {name: np.convolve(each, weight)[:n] for name, each in columns.items()}
     table = pd.DataFrame({"t_s": grid[:n] - grid[0], **told, "drift_m": drift})
     begun = np.arange(n) >= h  # before, less than a horizon was seen
-    return table[good & begun].reset_index(drop=True)
+    return table.iloc[np.flatnonzero(good & begun)].reset_index(drop=True)
