@@ -33,8 +33,8 @@ def coverages(table: pd.DataFrame, *, alpha: float, label: str) -> Card:
             names.index(met) + offsets[names.index(trained)] + lift
             for trained, met in zip(rows["trained"], rows["met"], strict=True)
         ]
-        own = rows["trained"].to_numpy() == rows["met"].to_numpy()
-        values, height = rows["value"].to_numpy(), np.array(height)
+        own = np.asarray(rows["trained"]) == np.asarray(rows["met"])
+        values, height = np.asarray(rows["value"]), np.array(height)
         word = "frozen margin" if number.endswith("frozen") else "carried tracker"
         axes.scatter(values[~own], height[~own], s=18, marker=marker, facecolors="none",
                      edgecolors=colour, linewidths=1.1)  # fmt: skip

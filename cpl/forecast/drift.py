@@ -108,16 +108,20 @@ class Met:
     delay: int
 
 
-def halves(series: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+def halves(series: pd.DataFrame, *, horizon_s: float) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the first half of a series, and the second, with nothing of one in the other.
 
-    The last outcomes of the first half reach into the second by a horizon; so the second begins
-    where they end.
+    The last outcomes of the first half reach into the second by a horizon, and what is known at a
+    step was seen in the horizon before it; so the second begins two horizons on.
+
+    Args:
+        series: As `cpl.logs.drift` returns it.
+        horizon_s: As there [s].
     """
-    middle = float(series["t_s"].iloc[len(series) // 2])
-    step = float(np.median(np.diff(series["t_s"])))
-    reach = middle + 10 * step
-    return series.query("t_s < @middle"), series.query("t_s >= @reach")
+    t_s = series["t_s"].to_numpy()
+    middle = t_s[len(t_s) // 2]
+    first, second = t_s < middle, t_s >= middle + 2 * horizon_s
+    return series.iloc[np.flatnonzero(first)], series.iloc[np.flatnonzero(second)]
 
 
 def meet(
@@ -141,12 +145,12 @@ def meet(
     parts = [trained, met]
     scores = [np.abs(forecaster.outcome(part) - forecaster.forecast(part)) for part in parts]
     frozen = float(np.quantile(scores[0], 1 - alpha))
-    before, after = track_episodes(scores, RunningMax(c=c), alpha=alpha, carry=True, delay=delay)
+    before, carried = track_episodes(scores, RunningMax(c=c), alpha=alpha, carry=True, delay=delay)
     both = pd.DataFrame(
         {
             "run": "met",
             "score": np.concatenate(scores),
-            "err": np.concatenate([before.err, after.err]).astype(np.int64),
+            "err": np.concatenate([before.err, carried.err]).astype(np.int64),
         }
     )
     said = {f"config.tracker.{k}": v for k, v in (("alpha", alpha), ("c", c), ("delay", delay))}
@@ -155,12 +159,12 @@ def meet(
         l=forecaster.outcome(met),
         l_hat=forecaster.forecast(met),
         score=scores[1],
-        q=after.q,
-        err=after.err,
+        q=carried.q,
+        err=carried.err,
         err_frozen=scores[1] > frozen,
     )
-    begins = len(trained)
-    windows = windows.query("window >= @begins").reset_index(drop=True)
+    after = np.flatnonzero(windows["window"].to_numpy() >= len(trained))
+    windows = windows.iloc[after].reset_index(drop=True)
     return Met(steps=steps, windows=windows, frozen=frozen, delay=delay)
 
 

@@ -13,6 +13,9 @@ truth, two other errors of a machine's own motion become known without one: that
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -20,11 +23,84 @@ from numpy.typing import NDArray
 from cpl.logs.checks import rotation
 from cpl.logs.clock import NS
 from cpl.logs.run import Run
+from cpl.logs.sources import read_run
+from cpl.store import project_root
 
-__all__ = ["of_feet", "with_truth", "without_truth"]
+__all__ = ["Series", "of_feet", "of_file", "with_truth", "without_truth"]
 
+SHIPPED = (
+    "data/logs/real-t265/test.bag",
+    "/camera/odom/sample",
+    "/vicon/t265_tracker/t265_tracker",
+)
+LONG_S = 20.0  # [s] a shorter recording is asked about a twentieth of it, not about a second
+STEPS = 10  # in a horizon
 GAP = 3.0  # [-] steps of the recording, beyond which nothing is interpolated
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Series:
+    """A recording, step by step.
+
+    Attributes:
+        table: As :func:`with_truth` returns it.
+        horizon_s: Over which the drift is taken [s].
+        measured: What the drift is measured against, in words.
+        run: The recording.
+    """
+
+    table: pd.DataFrame
+    horizon_s: float
+    measured: str
+    run: Run
+
+
+def of_file(
+    file: str,
+    truth: str,
+    *,
+    times: str = "none",
+    provenance: str = "unstated",
+    horizon_s: float = 0,
+) -> Series:
+    """Return the drift of a recording of one's own.
+
+    Args:
+        file: Any recording that is read here, from the project's root or absolute; behind `::` the
+            topic, where it has several.
+        truth: Likewise, what was measured from outside with the same clock; `none` if nothing was,
+            `as shipped` for the truth in the shipped bag, and none for another file.
+        times: A file of times for poses without them; `none` if they have some.
+        provenance: Where it comes from, if the file does not say.
+        horizon_s: Over which the drift is taken [s]; 0 for a second, or for a twentieth of a
+            recording shorter than 20 s.
+
+    Raises:
+        cpl.logs.LogError: A file cannot be read.
+        ValueError: As :func:`with_truth`.
+    """
+    options = {"silent": provenance, "times": None if times == "none" else times}
+    run = _named(file, options)
+    horizon_s = horizon_s or min(1.0, run.duration_s / LONG_S)
+    span = {"horizon_s": horizon_s, "step_s": horizon_s / STEPS}
+    if truth == "as shipped":
+        own = (project_root() / file.partition("::")[0]) == project_root() / SHIPPED[0]
+        truth = f"{SHIPPED[0]}::{SHIPPED[2]}" if own else "none"
+    if truth == "none":
+        told = "going on at the velocity of now, because no truth is given"
+        return Series(table=without_truth(run, **span), horizon_s=horizon_s, measured=told, run=run)
+    outside = _named(truth, options)
+    table = with_truth(run, outside, same_body=False, **span)
+    return Series(table=table, horizon_s=horizon_s, measured=f"the truth in {truth}", run=run)
+
+
+def _named(text: str, options: dict[str, Any]) -> Run:
+    name, _, topic = text.partition("::")
+    path = project_root() / name
+    if path == project_root() / SHIPPED[0]:
+        options = {**options, "provenance": "real-T265-third-party"}
+    return read_run(path, topic=topic or None, **options)
 
 
 def with_truth(

@@ -11,7 +11,7 @@ from cpl.claims.claim import Reader, Source
 from cpl.claims.rows._twin import AS, NOT, OPEN
 from cpl.stats import Estimate
 
-__all__ = ["NAMES", "leaning", "met", "recordings"]
+__all__ = ["NAMES", "leaning", "met", "recordings", "told"]
 
 NAMES = {
     "kitti-orb": "car (ORB-SLAM)",
@@ -51,3 +51,11 @@ def leaning(estimate: Estimate, *, level: float = 0.0) -> str:
     if not np.isfinite([estimate.low, estimate.high]).all():
         return OPEN
     return AS if estimate.low > level else NOT if estimate.high < level else OPEN
+
+
+def told(name: str, estimate: Estimate, form: str) -> str:
+    """Write a number with its interval, or that its recording is too short for one."""
+    value = form.format(estimate.value)
+    if not np.isfinite([estimate.low, estimate.high]).all():
+        return f"{name} {value} (too short for an interval)"
+    return f"{name} {value} ({form.format(estimate.low)} to {form.format(estimate.high)})"

@@ -1,7 +1,7 @@
 """Row 47: coverage is above 0.8 in and out of distribution."""
 
 from cpl.claims.claim import HARDWARE, Claim, Reader
-from cpl.claims.rows._machines import NAMES, leaning, met, recordings
+from cpl.claims.rows._machines import NAMES, leaning, met, recordings, told
 from cpl.claims.rows._twin import WHERE, combined, entry, side
 from cpl.claims.verdict import Leaning
 
@@ -30,7 +30,7 @@ def _on_other_machines(read: Reader) -> Leaning:
     table = recordings(read)
     runs = {name: met(table, "coverage", machine) for machine, name in NAMES.items()}
     below = [met(table, "windows_below", machine).value for machine in NAMES]
-    values = (f"{n} {e.value:.2f} ({e.low:.2f} to {e.high:.2f})" for n, e in runs.items())
+    values = (told(name, estimate, "{:.2f}") for name, estimate in runs.items())
     text = (
         f"coverage of the drift of the next second at alpha = 0.2: {', '.join(values)}; of the "
         f"windows of 4 s {min(below):.0%} to {max(below):.0%} lie below 0.8"

@@ -1,7 +1,7 @@
 """Row 48: SLAM errors depend on path and speed."""
 
 from cpl.claims.claim import HARDWARE, Claim, Reader
-from cpl.claims.rows._machines import NAMES, leaning, met, recordings
+from cpl.claims.rows._machines import NAMES, leaning, met, recordings, told
 from cpl.claims.rows._twin import AS, OPEN, combined, entry, ratio, side
 from cpl.claims.verdict import Leaning
 
@@ -23,13 +23,13 @@ def _in_the_twin(read: Reader) -> Leaning:
 def _on_other_machines(read: Reader) -> Leaning:
     table = recordings(read)
     leans: list[str] = []
-    told: list[str] = []
+    parts: list[str] = []
     for word, number in (("speed", "with_speed"), ("turning", "with_turning")):
         each = {name: met(table, number, machine) for machine, name in NAMES.items()}
         leans += [leaning(estimate) for estimate in each.values()]
-        values = (f"{n} {e.value:+.2f} ({e.low:+.2f} to {e.high:+.2f})" for n, e in each.items())
-        told.append(f"with {word} {', '.join(values)}")
-    text = f"rank correlation of the drift of the next second {'; '.join(told)}"
+        values = (told(name, estimate, "{:+.2f}") for name, estimate in each.items())
+        parts.append(f"with {word} {', '.join(values)}")
+    text = f"rank correlation of the drift of the next second {'; '.join(parts)}"
     return Leaning(leans=combined(leans), text=text)
 
 

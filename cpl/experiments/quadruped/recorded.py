@@ -96,9 +96,10 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
         cpl.logs.fetch.RecordingsError: A recording was not fetched.
     """
     trained, met = shard.text("trained"), shard.text("met")
+    span = {"horizon_s": config.horizon_s, "step_s": config.step_s}
     found = meet(
-        halves(series(trained, horizon_s=config.horizon_s, step_s=config.step_s))[0],
-        halves(series(met, horizon_s=config.horizon_s, step_s=config.step_s))[1],
+        halves(series(trained, **span), horizon_s=config.horizon_s)[0],
+        halves(series(met, **span), horizon_s=config.horizon_s)[1],
         alpha=config.alpha,
         c=config.c,
         delay=round(config.horizon_s / config.step_s),
