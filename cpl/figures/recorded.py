@@ -42,7 +42,7 @@ def coverages(table: pd.DataFrame, *, alpha: float, label: str) -> Card:
     axes.axvline(1 - alpha, color=INK, linewidth=1, linestyle=(0, (5, 2)))
     axes.set(
         xlim=(-0.02, 1.02),
-        xlabel="share covered (dashed: aimed at; filled: trained on the same machine)",
+        xlabel="share covered",
         yticks=range(len(names)),
         yticklabels=names,
         ylim=(len(names) - 0.5, -0.5),
