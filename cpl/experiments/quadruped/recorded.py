@@ -11,20 +11,19 @@ Paper: Section V-A ("SLAM errors depend on path and speed"), of other machines t
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Annotated
 
 import pandas as pd
 
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard, grid
 from cpl.forecast.drift import answers, halves, meet
 from cpl.logs import Run, read_run
 from cpl.logs.drift import of_feet, with_truth
 from cpl.logs.fetch import recorded_file
+from cpl.settings.ranges import Choice, Count, Positive, Probability, Settings
 from cpl.store import data_path
 
-__all__ = ["LABEL", "MACHINES", "PROFILES", "Config", "run_shard", "series", "shards"]
-
-LABEL = "real-third-party"
-RTOL = 1e-6
+__all__ = ["EXPERIMENT", "MACHINES", "PROFILES", "Config", "series"]
 
 MACHINES = {
     "kitti-orb": "car, KITTI 00, ORB-SLAM against GPS and inertial truth",
@@ -39,7 +38,7 @@ MACHINES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(Settings):
     """Which recordings, and how they are asked.
 
     Attributes:
@@ -53,20 +52,14 @@ class Config:
         seed: Draws them.
     """
 
-    machines: tuple[str, ...]
-    horizon_s: float = 1.0
-    step_s: float = 0.1
-    alpha: float = 0.2
-    c: float = 0.1
-    W: int = 40
-    resamples: int = 1000
+    machines: tuple[Annotated[str, Choice(tuple(MACHINES))], ...]
+    horizon_s: Positive = 1.0
+    step_s: Positive = 0.1
+    alpha: Probability = 0.2
+    c: Positive = 0.1
+    W: Count = 40
+    resamples: Count = 1000
     seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name in self.machines:
-            if name not in MACHINES:
-                msg = f"machines must be among {', '.join(MACHINES)}, got {name!r}"
-                raise ValueError(msg)
 
 
 _SHIPPED = Config(machines=("t265",), horizon_s=0.05, step_s=0.005, W=20, resamples=20)
@@ -75,15 +68,6 @@ PROFILES = {
     "book": _SHIPPED,
     "paper": Config(machines=tuple(name for name in MACHINES if name != "t265")),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """Return one shard for each pair of a recording that is trained on and one that is met."""
-    return [
-        Shard(f"{trained}-{met}", {"trained": trained, "met": met})
-        for trained in config.machines
-        for met in config.machines
-    ]
 
 
 def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
@@ -109,6 +93,15 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     table.insert(0, "trained", trained)
     table.insert(1, "met", met)
     return table
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("{trained}-{met}", trained="machines", met="machines"),
+    label="measured",
+    rtol=1e-6,
+)
 
 
 @lru_cache(maxsize=16)
