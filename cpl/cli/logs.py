@@ -19,7 +19,6 @@ ENDINGS = (".png", ".svg")
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser."""
     parser = subparsers.add_parser(
         "logs",
         help="look into, check, convert or draw a robot's recording",
