@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cpl.claims.row import ClaimsTable, MachinesTable, Row, TwinTable
+    from cpl.claims.sheet import Sheet
 
 __all__ = [
     "accept",
@@ -26,6 +27,7 @@ __all__ = [
     "ledger",
     "machines_table",
     "own",
+    "sheet",
     "table",
     "twin_table",
 ]
@@ -85,6 +87,20 @@ def table(*rows: int) -> ClaimsTable:
     from cpl.claims._ledger import show as _show
 
     return _show(rows)
+
+
+def sheet(*rows: int) -> Sheet:
+    """Show claims on a page with all that one needs to judge each: all of the paper's, or some.
+
+    Args:
+        rows: Their numbers.
+
+    Raises:
+        ValueError: If there is no such row.
+    """
+    from cpl.claims.sheet import Sheet as _Sheet
+
+    return _Sheet(table(*rows).rows)
 
 
 def discussed_in(chapter: str) -> tuple[int, ...]:
