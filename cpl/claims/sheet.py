@@ -138,6 +138,7 @@ def _facts(row: Row) -> str:
         "Seeds that would decide it": str(row.seeds_needed or ""),
         "To be known": "; ".join(row.flags),
         "In the twin": row.in_the_twin or "",
+        "On other machines": row.on_other_machines or "",
         "Computed from": ", ".join(row.computed_from),
         "Shown in": f"{row.chapter}",
     }
