@@ -42,6 +42,7 @@ PATIENCE_S = 0.12  # [s] of silence before a watchdog is believed to hang
 ZERO_S = 0.5  # [s] of zero velocity when the second has taken over
 STAND_S = 1.0  # [s] of "stand" after it
 PERSIST_S = 60.0  # [s] how long a robot that does not answer is asked
+PORT_S = 5.0  # [s] how long the port may be held by somebody else who stops the robot
 TOOK_OVER = 3  # exit status
 
 
@@ -189,6 +190,7 @@ def take_over(
     *,
     clock: Callable[[], float] = boottime,
     persist_s: float = PERSIST_S,
+    port_s: float = PORT_S,
 ) -> bool:
     """Ask a robot for zero velocity, then to stand, until it has heard it.
 
@@ -199,11 +201,15 @@ def take_over(
         local_port: The port of the watchdog that is no more.
         clock: The time [s].
         persist_s: How long to go on while nothing answers [s].
+        port_s: How long to try for the port [s].
 
     Returns:
         Whether the robot answered.
+
+    Raises:
+        RobotError: The port is held: by a watchdog, or by somebody else who stops the robot.
     """
-    base = _base(to, local_port, clock)
+    base = _base(to, local_port, clock, port_s)
     begun = now = clock()
     answered_s = None
     while now - begun < persist_s:
@@ -220,9 +226,9 @@ def take_over(
     return answered_s is not None
 
 
-def _base(to: Address, local_port: int, clock: Callable[[], float]) -> Go1Base:
+def _base(to: Address, local_port: int, clock: Callable[[], float], port_s: float) -> Go1Base:
     """Take the port, which its last owner has just let go."""
-    end = clock() + 1.0
+    end = clock() + port_s
     while True:
         try:
             return Go1Base(to, library="wire", local_port=local_port, clock=clock)

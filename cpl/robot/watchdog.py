@@ -45,7 +45,8 @@ __all__ = ["NO_ANSWER", "Watchdog", "main"]
 
 STREAM_S = 0.002  # [s] 500 Hz
 REPORT_S = 0.010  # [s]
-DESERTED_S = 30.0  # [s] how long it waits, the robot standing, for anybody
+DESERTED_S = 5.0  # [s] how long it waits, the robot standing, for a policy that fell silent
+UNMET_S, UNMET_APART_S = 60.0, 600.0  # [s] and for one that never came; here, and elsewhere
 LINGER_S = 1.5  # [s] how long it streams "stand" before it leaves
 PERSIST_S = 60.0  # [s] how much longer, for a robot that does not answer: the link may come back
 PATIENCE_S = 0.25  # [s] of silence before its second is believed to hang
@@ -62,7 +63,7 @@ class Watchdog:
         envelope: What no command leaves.
         config: How long an order holds.
         clock: The time [s].
-        run: The run's number; 0 to draw one.
+        unmet_s: How long to wait for a policy [s].
     """
 
     def __init__(
@@ -74,7 +75,7 @@ class Watchdog:
         *,
         config: LeaseConfig | None = None,
         clock: Callable[[], float] = boottime,
-        run: int = 0,
+        unmet_s: float = UNMET_S,
     ) -> None:
         self.lease = LeaseState()
         """What is remembered of orders."""
@@ -82,7 +83,8 @@ class Watchdog:
         """Datagrams that were no order of this run."""
         self._base, self._here, self._key = base, here, key
         self._envelope, self._config = envelope or Envelope(), config or LeaseConfig()
-        self._clock, self._run = clock, run or secrets.randbits(63) + 1
+        self._clock, self._run = clock, secrets.randbits(63) + 1
+        self._unmet_s = unmet_s
         self._policy: tuple[Address, int] | None = None  # address and number of whom we obey
         self._number, self._report_due, self._heard_s = 0, 0.0, clock()
         self._leaving_s, self._walked = float("inf"), False
@@ -110,7 +112,8 @@ class Watchdog:
 
     def _over(self, now: float) -> bool:
         """Whether it is time to leave: tripped, or nobody there."""
-        return bool(self.lease.tripped) or now - self._heard_s > DESERTED_S
+        patience_s = self._unmet_s if self._policy is None else DESERTED_S
+        return bool(self.lease.tripped) or now - self._heard_s > patience_s
 
     def _orders(self, now: float) -> None:
         for data, sender in drain_from(self._here):
@@ -236,7 +239,8 @@ def _watch(chosen: argparse.Namespace, line: Line) -> int:
         sys.stderr.write(f"watchdog: {error}\n")
         sys.stderr.flush()
         return 1
-    dog = Watchdog(base, here, key, envelope)
+    unmet_s = UNMET_APART_S if chosen.key_file else UNMET_S
+    dog = Watchdog(base, here, key, envelope, unmet_s=unmet_s)
     for name in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(name, lambda *_: dog.end("told to end"))
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -32,6 +32,7 @@ __all__ = ["WatchdogConfig", "WatchedBase", "launch_watchdog"]
 
 START_S = 60.0  # [s] for the process to come up; a busy computer is slow
 SILENT_S = 0.3  # [s] without a report; the second has acted by then, if there is one
+HAND_OVER_S = 0.1  # [s] for the second to take the port that its watchdog had
 LEAVE_S = 75.0  # [s] for the watchdog to let the robot stand and go; it persists while unheard
 
 
@@ -196,19 +197,18 @@ class WatchedBase:
         self._socket.close()
 
     def _see_off(self, process: Process) -> None:
-        """Wait until the watchdog has left; stop the robot from here if it hangs."""
+        """Wait until watchdog and second have left; end what hangs."""
         end = self._clock.now() + LEAVE_S
         while process.poll() is None:
             now = self._clock.now()
             self._clock.wait(now + 0.02)
             self._read()
-            silent = now - self._report_s > SILENT_S and not self._stands()
-            if silent or now > end:
+            done = self._gone or (self._report is not None and self._report.tripped)
+            if not done and now - self._report_s > SILENT_S:
+                self._gone = "the watchdog is silent"
                 self._take_over()
-
-    def _stands(self) -> bool:
-        """Whether the watchdog said that it is done; then it is silent because it left."""
-        return self._report is not None and bool(self._report.tripped)
+            if now > end or (self._gone and _about(process.pid)[0] == "T"):
+                self._kill()
 
     def stats(self) -> dict[str, float]:
         """Return how regular the watchdog's stream was; empty if it did not say."""
@@ -297,16 +297,23 @@ class WatchedBase:
             self._take_over()
 
     def _take_over(self) -> None:
-        """Kill what is left of the watchdog, so that its port is free, and stop the robot."""
+        """Kill the watchdog, so that its port is free; its second has it now, or else this end.
+
+        The second is left alone: if this process ends here and now, it is the one that is left.
+        """
         if self._process is None:
             return  # it is elsewhere, and so is its second
-        self._kill()
+        dog = self._report.pid if self._report else 0
+        if dog and _about(dog)[1] == str(self._process.pid):  # it has not left, and is ours
+            os.kill(dog, signal.SIGKILL)
         if self._asked:
-            take_over(
-                self._config.robot,
-                self._config.local_port,
-                clock=self._clock.now,
-            )
+            with suppress(RobotError):  # somebody else has the port, and stops the robot
+                take_over(
+                    self._config.robot,
+                    self._config.local_port,
+                    clock=self._clock.now,
+                    port_s=HAND_OVER_S,
+                )
 
     def _kill(self) -> None:
         """Kill watchdog and second: they are a session of their own."""
@@ -322,3 +329,12 @@ def _shut(process: Process) -> None:
     words = getattr(process, "stderr", None)
     if words is not None:
         words.close()
+
+
+def _about(pid: int) -> tuple[str, str]:
+    """Return a process's state (T: stopped) and its session; empty if there is none."""
+    try:
+        words = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    except OSError:
+        return "", ""
+    return words[0], words[3]
