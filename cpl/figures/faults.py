@@ -18,6 +18,7 @@ TOPICS = {
     "recordings": "recordings of every format, spoiled where the format is vulnerable",
     "hostile": "what somebody may send us to run their code",
     "kills": "killed processes, full and read-only disks",
+    "robot": "datagrams to a robot's processes, from whoever has no key or ill will",
 }
 """The topics, in words."""
 
