@@ -80,7 +80,7 @@ def before(
         lambda: _vendor(library, hardware),
         lambda: _camera(camera_python, hardware),
         lambda: _disk(folder),
-        _sleep,
+        lambda: _sleep(hardware),
     )
 
 
@@ -173,7 +173,8 @@ def _disk(folder: Path) -> Item:
     return Item(name=name, ok=free >= SPACE_MB, said=f"{free:,.0f} MB free, {SPACE_MB} needed")
 
 
-def _sleep() -> Item:
+def _sleep(hardware: bool) -> Item:
+    """Whether this computer wakes up in time; an emulator may be late, a robot may not."""
     late = []
     with urgent() as granted:  # as the loop will be
         for _ in range(50):
@@ -183,7 +184,9 @@ def _sleep() -> Item:
     p99 = float(np.quantile(late, 0.99))
     said = f"wakes up {p99:.2f} ms late (99th percentile), {SLEEP_P99_MS:g} ms are allowed"
     said += "" if granted else "; the scheduler gives no priority"
-    return Item(name="the computer keeps time", ok=p99 <= SLEEP_P99_MS, said=said)
+    ok = p99 <= SLEEP_P99_MS
+    said += "" if ok else "; too late for a robot"
+    return Item(name="the computer keeps time", ok=ok or not hardware, said=said)
 
 
 def _answers(robot: Robot, course: Course) -> Item:
