@@ -160,9 +160,16 @@ def suffer(name: str, phase: str, placement: str, library: str = "wire") -> Cell
         phase: One of `PHASES`.
         placement: One of `PLACEMENTS`.
         library: What speaks to the emulated robot.
+
+    Raises:
+        ValueError: No such fault, phase or placement.
     """
     from cpl.robot.emulator import Ideal, LockStep
 
+    known = {"fault": (name, WHAT), "phase": (phase, PHASES), "placement": (placement, PLACEMENTS)}
+    for what, (given, names) in known.items():
+        if given not in names:
+            raise ValueError(f"{what} must be one of {', '.join(names)}, not {given!r}")
     start, stop = PHASES[phase]
     planned = [] if name in LOCAL else [Fault(name=name, start_s=start, stop_s=stop)]
     robot = LockStep(Ideal(), planned, library=library, placement=placement)

@@ -132,7 +132,7 @@ def test_a_second_run_at_a_terminal_touches_nothing(tmp_path):
     start = collection(1)[0].course.start
     place = f"--start={start[0]!r},{start[1]!r},{start[2]!r}"
     robot = free_port()
-    words = ["--port", str(robot), "--camera", f"127.0.0.1:{camera}", "--world", "ideal", place]
+    words = ["--port", str(robot), "--camera", f"127.0.0.1:{camera}", "--world", "twin", place]
     box = tmp_path / "box.jsonl"
     emulator = subprocess.Popen(
         [sys.executable, "-m", "cpl.robot.emulator", *words, "--key-file", str(key),
@@ -142,7 +142,7 @@ def test_a_second_run_at_a_terminal_touches_nothing(tmp_path):
     emulator.stdout.readline()
     words = ["run", "collect", "--robot", f"127.0.0.1:{robot}", "--camera-port", str(camera)]
     words += ["--key-file", str(key), "--out", str(out)]
-    answers = [("to go on:", "the robot may move"), *[("[y/N]", "y")] * 4, ("0.", "")]
+    answers = [("to go on:", "the robot may move"), *[("[y/N]", "y")] * 4, ("state ", "")]
     first = Terminal(*words)
     first.sit(answers)
     log = out / "collect-00.mcap"
