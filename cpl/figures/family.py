@@ -47,7 +47,7 @@ def followed(scores: ArrayLike, paths: Mapping[str, ArrayLike], *, start: int, e
 def rates(streams: pd.DataFrame, *keys: str) -> pd.DataFrame:
     """Sum `gate_family` up: crash rate, mean speed, coverage and mean margin by some keys."""
     sums = ["episodes", "crashes", "steps", "speed_sum", "scored", "missed", "margin_sum"]
-    found = streams.groupby(list(keys), sort=False)[sums].sum().reset_index()
+    found = streams.groupby(list(keys), sort=False, as_index=False).agg(dict.fromkeys(sums, "sum"))
     return found.assign(
         crash_rate=found["crashes"] / found["episodes"],
         speed_mps=found["speed_sum"] / found["steps"],
@@ -67,12 +67,15 @@ def at_equal_speed(constants: pd.DataFrame, others: pd.DataFrame) -> Card:
     figure, axes = card(height=4.6)
     line = constants.sort_values("speed_mps")
     axes.plot(line["speed_mps"], line["crash_rate"], "o-", color="0.6", label="constants")
-    for k, row in enumerate(others.itertuples()):
-        member = row.method in MEMBERS
-        axes.plot(row.speed_mps, row.crash_rate, "o" if member else "s",
-                  color=_HUES[0] if member else _HUES[1], markersize=4)  # fmt: skip
-        axes.annotate(str(row.method), (row.speed_mps, row.crash_rate), fontsize=6,
-                      xytext=(3, 3 if k % 2 else -7), textcoords="offset points")  # fmt: skip
+    columns = (others[name].tolist() for name in ("method", "speed_mps", "crash_rate"))
+    for k, (name, speed, share) in enumerate(zip(*columns, strict=True)):
+        member = name in MEMBERS
+        mark, hue = ("o", _HUES[0]) if member else ("s", _HUES[1])
+        axes.plot(speed, share, mark, color=hue, markersize=4)
+        axes.annotate(
+            name, (speed, share), fontsize=6, xytext=(3, 3 if k % 2 else -7),
+            textcoords="offset points",
+        )  # fmt: skip
     axes.set_xlabel("mean speed [m/s]")
     axes.set_ylabel("share of episodes that crash")
     return figure

@@ -68,7 +68,7 @@ def read_log(path: Path | str) -> pd.DataFrame:
         raise ValueError(f"{path.name} must have a column 'score', it has {list(table.columns)}")
     for name in ("score", "forecast", "limit"):
         if name in table:
-            values = pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64)
+            values = np.asarray(pd.to_numeric(table[name], errors="coerce"), np.float64)
             if not np.isfinite(values).all():
                 line = int(np.argmin(np.isfinite(values))) + 2
                 raise ValueError(f"{path.name}, line {line}: {name} must be a finite number")
@@ -115,7 +115,8 @@ def ask_log(
     block = np.cumsum(np.r_[True, labels[1:] != labels[:-1]]) - 1
     edges = [*frozen.first.tolist(), count]
     windows = [(block >= a) & (block < b) for a, b in pairwise(edges)]
-    tracked = np.array([np.mean(scores[inside] <= q[inside]) for inside in windows])
+    covered = (scores <= q).astype(np.float64)
+    tracked = np.array([covered[inside].mean() for inside in windows], np.float64)
     later = block >= calibration
     errors = alarms(bets_on_errors(scores[later] > frozen.margin, alpha=alpha), level=_LEVEL)
     means = np.array([part.mean() for part in episodes])

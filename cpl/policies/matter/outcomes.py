@@ -64,24 +64,25 @@ def judge(outcomes: pd.DataFrame, *, margin: float = 0.03) -> Answer:
     lacking = wanted - set(outcomes)
     if lacking:
         raise ValueError(f"outcomes must have columns {sorted(lacking)}")
-    constants = outcomes[outcomes["method"] == "constant"]
-    if constants["value"].nunique() < 2:
+    constants = _of(outcomes, "constant")
+    if len(np.unique(constants["value"])) < 2:
         raise ValueError("outcomes must have constants of at least two values")
     curve = _ratios(constants, "value")
-    own = _ratios(outcomes[outcomes["method"] == "tracked"])
+    own = _ratios(_of(outcomes, "tracked"))
     groups, units = own[0].over.shape
     weights = hierarchical_weights(groups, units, stream(0, "matter"), resamples=_RESAMPLES)
     loss = beside_curve(*own, *curve, weights)
     gain = Estimate(value=-loss.value, low=-loss.high, high=-loss.low, n=loss.n)
-    played = [name for name in CONTROLS if (outcomes["method"] == name).any()]
-    controls = {
-        name: apart(_ratios(outcomes[outcomes["method"] == name]), own, curve, weights)
-        for name in played
-    }
+    played = sorted(set(CONTROLS) & set(outcomes["method"]), key=CONTROLS.index)
+    controls = {name: apart(_ratios(_of(outcomes, name)), own, curve, weights) for name in played}
     verdict = _verdict(gain, controls, margin)
     return Answer(
         verdict=verdict, gain=gain, controls=controls, why=tuple(_why(gain, controls, margin))
     )
+
+
+def _of(outcomes: pd.DataFrame, method: str) -> pd.DataFrame:
+    return pd.DataFrame(outcomes[outcomes["method"] == method])
 
 
 def _verdict(gain: Estimate, controls: dict[str, Estimate], margin: float) -> str:

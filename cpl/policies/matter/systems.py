@@ -47,10 +47,10 @@ def ask_system(name: str, *, margin: float = 0.03) -> Answer:
         raise ValueError(f"name must be one of {', '.join(SYSTEMS)}, got {name!r}")
     if name == "switch":
         table, _ = read_published("gate_family", "paper")
-        return judge(_outcomes(table[table["setting"] == "switch"], "fixed"), margin=margin)
+        return judge(_outcomes(table.query("setting == 'switch'"), "fixed"), margin=margin)
     table, _ = read_published("gate_stream", "paper")
     if name in _PARTS:
-        table = table[table["world"].isin(_PARTS[name])]
+        table = table.query(f"world in {_PARTS[name]}")
     return judge(_outcomes(table, "quantile"), margin=margin)
 
 
@@ -69,9 +69,9 @@ def ask_walks(name: str) -> LogAnswer:
     from cpl.logs import read_runs
 
     runs = read_runs(data_path("logs", "quadruped"))
-    own = runs.summary[runs.summary["config.policy"] == _WALKER]
+    own = pd.DataFrame(runs.summary[runs.summary["config.policy"] == _WALKER])
     if name == "walks-usual":
-        own = own[own["config.range"] == "in"]
+        own = pd.DataFrame(own[own["config.range"] == "in"])
     own = own.sort_values(["config.range", "config.repeat", "config.shape"])  # "in" before "out"
     by = {run: rows["score"].dropna().to_numpy() for run, rows in runs.table.groupby("run")}
     parts = [by[run] for run in own["run"]]
