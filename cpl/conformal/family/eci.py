@@ -118,7 +118,7 @@ MEMBER = Member(
     year=2025,
     paper="wu2025error",
     make=lambda scale: ECI(eta=0.1, window=100, slope=1.0 / scale),
-    guarantee="long-run error, in the form shown; none accumulated",
+    guarantee="long-run error in the form shown, if the step does not vanish; none accumulated",
     tuning="step, window, slope",
     memory="2 window + 6",
     vectors="the authors' code",
