@@ -1,6 +1,6 @@
 # The project's commands. Each one sets up what it needs; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help venv book course test check fresh faults bench lint lab clean
+.PHONY: help venv book course test check fresh faults recordings bench lint lab clean
 
 # The first of these that runs and can make an environment; `make venv SYSTEM_PYTHON=...` takes another.
 PYTHONS := python3.11 python3.12 python3.13
@@ -38,6 +38,9 @@ fresh-%:
 
 faults: $(ENV)  ## provoke a few thousand faults and count how they end, into _build/faults.json
 	@$(BIN)/python -m tests.faults
+
+recordings: $(ENV)  ## fetch recordings of real machines, by name and hash, into _build/recordings
+	@$(BIN)/cpl logs fetch
 
 bench: $(ENV) .venv/.bench  ## measure speed beside other packages, into _build/bench.json
 	@$(BIN)/python -m tests.bench

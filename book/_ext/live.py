@@ -23,7 +23,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 SCRIPTS = {
-    "tracker": ("live/tracker.js", "live/kit.js", "live/playground.js"),
+    "tracker": ("live/family.js", "live/tracker.js", "live/kit.js", "live/playground.js"),
     "road": ("live/kit.js", "live/data/rides.js", "live/road.js"),
     "pareto": ("live/kit.js", "live/data/pareto.js", "live/pareto.js"),
     "wheel": ("live/kit.js", "live/host.js", "live/wheel.js"),

@@ -20,21 +20,14 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
+from cpl.claims.verdict import SIGNS
+
 _MOST_MINUTES = 60
 _WORDS_A_MINUTE = 200  # of a text with equations, slower than a novel
 _SECONDS_AN_EQUATION, _SECONDS_A_FIGURE, _SECONDS_A_LINE = 12, 15, 2
 LEDGER = "book/holds"
 LEDGER_HEADS = ["#", "claim", "paper", "ours", "95 % interval", "verdict"]
-MARKS = {
-    "holds": "✓",
-    "holds in part": "◐",
-    "false as printed, true as corrected": "✎",
-    "does not hold": "✕",
-    "no difference": "≈",
-    "undecided": "?",
-    "needs hardware": "⚙",
-    "pending": "…",
-}
+MARKS = {str(verdict): sign for verdict, sign in SIGNS.items()}
 _QUESTIONS = {
     "I": "What can be promised about a forecaster when the world may change, and what not?",
     "II": "Does the promise make a simulated car safer?",

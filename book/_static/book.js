@@ -46,3 +46,51 @@ document.addEventListener("DOMContentLoaded", () => {
     box.setAttribute("aria-label", box.closest("li").textContent.trim());
   }
 });
+
+// The ledger: filter by verdict, order and words, sort, open all; a link to a row opens it.
+document.addEventListener("DOMContentLoaded", () => {
+  for (const box of document.querySelectorAll(".claims")) {
+    const form = box.querySelector(".claims-controls");
+    const rows = [...box.querySelectorAll("details.claim")];
+    if (!form || rows.length < 2) continue;
+    form.hidden = false;
+    const by = { row: "row", verdict: "kind", seeds: "seeds" };
+    const update = () => {
+      const { verdict, order, changed, sort, words, shown, open } = form.elements;
+      const wanted = words.value.trim().toLowerCase();
+      let count = 0;
+      for (const row of rows) {
+        const fits = (!verdict.value || row.dataset.verdict === verdict.value)
+          && (!order.value || row.dataset.order === order.value)
+          && (!changed.checked || row.dataset.changed === "1")
+          && (!wanted || row.textContent.toLowerCase().includes(wanted));
+        row.hidden = !fits;
+        count += fits;
+      }
+      const key = by[sort.value];
+      const value = (row) => Number(row.dataset[key]);
+      const sorted = [...rows].sort((a, b) => value(a) - value(b) || a.dataset.row - b.dataset.row);
+      box.append(...sorted);
+      shown.value = `${count} of ${rows.length} rows`;
+      open.textContent = rows.every((row) => row.hidden || row.open) ? "close all" : "open all";
+    };
+    form.addEventListener("input", update);
+    form.addEventListener("submit", (event) => event.preventDefault());
+    form.elements.open.addEventListener("click", () => {
+      const opening = form.elements.open.textContent === "open all";
+      for (const row of rows) if (!row.hidden) row.open = opening;
+      update();
+    });
+    update();
+  }
+  const opened = () => {
+    const row = location.hash.startsWith("#claim-") && document.getElementById(location.hash.slice(1));
+    if (row?.matches?.("details")) {
+      row.hidden = false;
+      row.open = true;
+      row.scrollIntoView();
+    }
+  };
+  window.addEventListener("hashchange", opened);
+  opened();
+});

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cpl.claims.row import ClaimsTable, Row, TwinTable
+    from cpl.claims.row import ClaimsTable, MachinesTable, Row, TwinTable
+    from cpl.claims.sheet import Sheet
 
 __all__ = [
     "accept",
@@ -24,7 +25,9 @@ __all__ = [
     "discussed_in",
     "fix",
     "ledger",
+    "machines_table",
     "own",
+    "sheet",
     "table",
     "twin_table",
 ]
@@ -38,8 +41,8 @@ def ledger(*, root: Path | None = None) -> list[Row]:
 
     Returns:
         Rows with the fields `row, claim, paper_value, value, low, high, n, n_seeds, rule, verdict,
-        flags, chapter, computed_from, in_the_twin`, in order. A claim whose results are not
-        published yet says `pending`.
+        flags, chapter, computed_from, in_the_twin, on_other_machines`, in order. A claim whose
+        results are not published yet says `pending`.
 
     Raises:
         cpl.store.DamagedResultError: If a published result does not agree with its manifest.
@@ -86,6 +89,20 @@ def table(*rows: int) -> ClaimsTable:
     return _show(rows)
 
 
+def sheet(*rows: int) -> Sheet:
+    """Show claims on a page with all that one needs to judge each: all of the paper's, or some.
+
+    Args:
+        rows: Their numbers.
+
+    Raises:
+        ValueError: If there is no such row.
+    """
+    from cpl.claims.sheet import Sheet as _Sheet
+
+    return _Sheet(table(*rows).rows)
+
+
 def discussed_in(chapter: str) -> tuple[int, ...]:
     """Return the numbers of the rows that a chapter shows; no rule is asked for it.
 
@@ -99,6 +116,18 @@ def discussed_in(chapter: str) -> tuple[int, ...]:
     from cpl.claims._ledger import claims as _claims
 
     return tuple(row for row, claim in _claims().items() if claim.chapter == chapter)
+
+
+def machines_table() -> MachinesTable:
+    """Show the rows that recordings of other machines say something of, which is never a verdict.
+
+    Examples:
+        >>> print(str(machines_table()).splitlines()[0])
+        | # | claim | verdict | on other machines |
+    """
+    from cpl.claims._ledger import show_machines
+
+    return show_machines()
 
 
 def twin_table() -> TwinTable:

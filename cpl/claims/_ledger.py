@@ -12,7 +12,7 @@ from cpl.claims import rows
 from cpl.claims.claim import HARDWARE, Claim, Reader, Source
 from cpl.claims.edition import came_first, first_edition, fix
 from cpl.claims.judging import Condition, decided_by, what_would_change
-from cpl.claims.row import ClaimsTable, Effect, Row, TwinTable
+from cpl.claims.row import ClaimsTable, Effect, MachinesTable, Row, TwinTable
 from cpl.claims.verdict import Verdict
 from cpl.store import DamagedResultError, Manifest, atomic_write, data_path, read_published
 
@@ -26,6 +26,7 @@ __all__ = [
     "ledger",
     "own",
     "show",
+    "show_machines",
     "show_twin",
 ]
 
@@ -90,6 +91,12 @@ def show_twin() -> TwinTable:
     return TwinTable(tuple(_row(claim, None) for claim in claims().values() if claim.in_the_twin))
 
 
+def show_machines() -> MachinesTable:
+    """Return the rows that other machines were asked about; see `cpl.claims.machines_table`."""
+    asked = (claim for claim in claims().values() if claim.on_other_machines)
+    return MachinesTable(tuple(_row(claim, None) for claim in asked))
+
+
 def changes(root: Path | None = None) -> dict[int, tuple[str, str]]:
     """Compare with the committed verdicts; see `cpl.claims.changes`."""
     before = committed(root)
@@ -149,6 +156,7 @@ def _row(claim: Claim, root: Path | None) -> Row:
 
     before = first_edition().get(claim.row)
     found, leaning = answer(claim.decide), answer(claim.in_the_twin)
+    elsewhere = answer(claim.on_other_machines)
     row = Row(
         row=claim.row,
         claim=claim.claim,
@@ -175,6 +183,7 @@ def _row(claim: Claim, root: Path | None) -> Row:
         revised=claim.revised,
         computed_from=() if missing else tuple(_named(manifest) for manifest in seen.values()),
         in_the_twin=str(leaning) if leaning else None,
+        on_other_machines=str(elsewhere) if elsewhere else None,
     )
     if not missing:
         _KEPT[claim] = seen, row

@@ -86,6 +86,7 @@ class Claim:
         chapter: Slug of the chapter that shows it.
         decide: The rule; it only counts and compares, and starts no experiment.
         in_the_twin: What the simulated quadruped shows of a claim about the robot; never a verdict.
+        on_other_machines: What recordings of other machines show of it; never a verdict.
         flags: ``paper inconsistent``, ``needs hardware``.
         ours: Whether this book makes the claim, and not the paper.
     """
@@ -102,5 +103,6 @@ class Claim:
     chapter: str
     decide: Callable[[Reader], Finding] | None = None
     in_the_twin: Callable[[Reader], Leaning] | None = None
+    on_other_machines: Callable[[Reader], Leaning] | None = None
     flags: tuple[str, ...] = ()
     ours: bool = False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["ClaimsTable", "Effect", "Row", "TwinTable"]
+__all__ = ["ClaimsTable", "Effect", "MachinesTable", "Row", "TwinTable"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +38,7 @@ class Row:
         revised: What the second edition changed in the rule, and why.
         in_the_twin: What the simulated quadruped shows of a claim about the robot, which is never a
             verdict; None where nobody asked it, or its results are not published.
+        on_other_machines: What recordings of other machines show of it, likewise no verdict.
     """
 
     row: int
@@ -65,6 +66,7 @@ class Row:
     before: str | None = None
     revised: str = ""
     in_the_twin: str | None = None
+    on_other_machines: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,6 +121,20 @@ class TwinTable:
         return "\n".join([*lines, *(_twin_line(row) for row in self.rows)])
 
 
+@dataclass(frozen=True)
+class MachinesTable:
+    """Rows with what recordings of other machines show of them, as a Markdown table."""
+
+    rows: tuple[Row, ...]
+
+    def _repr_markdown_(self) -> str:
+        return str(self)
+
+    def __str__(self) -> str:
+        lines = ["| # | claim | verdict | on other machines |", "|---:|:---|:---|:---|"]
+        return "\n".join([*lines, *(_machines_line(row) for row in self.rows)])
+
+
 def _line(row: Row) -> str:
     interval = "" if row.low is None or row.high is None else f"{row.low:.4g} to {row.high:.4g}"
     ours = "" if row.value is None else f"{row.value:.4g}"
@@ -129,4 +145,9 @@ def _line(row: Row) -> str:
 
 def _twin_line(row: Row) -> str:
     cells = [str(row.row), row.claim, row.verdict, row.in_the_twin or "not published"]
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _machines_line(row: Row) -> str:
+    cells = [str(row.row), row.claim, row.verdict, row.on_other_machines or "not published"]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"

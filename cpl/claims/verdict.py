@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from cpl.claims.judging import Condition
     from cpl.stats import Estimate
 
-__all__ = ["Finding", "Leaning", "Verdict"]
+__all__ = ["SIGNS", "Finding", "Leaning", "Verdict"]
 
 
 class Verdict(StrEnum):
@@ -24,6 +24,19 @@ class Verdict(StrEnum):
     CORRECTED = "false as printed, true as corrected"
     HARDWARE = "needs hardware"
     PENDING = "pending"
+
+
+SIGNS = {
+    Verdict.HOLDS: "✓",
+    Verdict.IN_PART: "◐",
+    Verdict.CORRECTED: "✎",
+    Verdict.FAILS: "✕",
+    Verdict.NONE: "≈",
+    Verdict.UNDECIDED: "?",
+    Verdict.HARDWARE: "⚙",
+    Verdict.PENDING: "…",
+}
+"""A sign for the eye beside each verdict, in the order in which a page shows them."""
 
 
 @dataclass(frozen=True, kw_only=True)

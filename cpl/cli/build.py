@@ -13,7 +13,6 @@ __all__ = ["register", "run"]
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser."""
     parser = subparsers.add_parser("build", help="build the book into _build/html")
     parser.add_argument(
         "--jobs", type=int, default=2, metavar="N", help="chapters executed at a time (2)"

@@ -17,7 +17,6 @@ __all__ = ["register", "run"]
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser."""
     parser = subparsers.add_parser(
         "claims",
         help="show the paper's claims with what was found",
@@ -65,4 +64,5 @@ def _line(row: Row) -> str:
     flags = [flag for flag in row.flags if flag != row.verdict]
     marks = f"  ({', '.join(flags)})" if flags else ""
     twin = f"\n{'':4s}in the twin: {row.in_the_twin}" if row.in_the_twin else ""
-    return f"{row.row:2d}  {row.verdict:36s}{row.claim}{found}{marks}{twin}"
+    other = f"\n{'':4s}on other machines: {row.on_other_machines}" if row.on_other_machines else ""
+    return f"{row.row:2d}  {row.verdict:36s}{row.claim}{found}{marks}{twin}{other}"

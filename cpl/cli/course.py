@@ -16,7 +16,6 @@ _PARTS = ("student", "instructor", "labs", "slides")
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser."""
     parser = subparsers.add_parser(
         "course",
         help="build the student and the instructor edition, or grade a laboratory",

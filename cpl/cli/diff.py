@@ -20,7 +20,6 @@ class _Run(NamedTuple):
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser."""
     parser = subparsers.add_parser(
         "diff",
         help="show which numbers moved between two runs of a chapter",

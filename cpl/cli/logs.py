@@ -19,7 +19,6 @@ ENDINGS = (".png", ".svg")
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser."""
     parser = subparsers.add_parser(
         "logs",
         help="look into, check, convert or draw a robot's recording",
@@ -51,6 +50,12 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     for each in (info, check, convert, plot):
         _add_options(each)
     actions.add_parser("formats", help="what is read, and how each format begins")
+    actions.add_parser(
+        "fetch",
+        help="recordings of real machines, by pip and by hash",
+        description="Fetches the packages evo and gtsam into _build/recordings and takes out data "
+        "files only. They are under their makers' licences: use them, do not pass them on.",
+    )
 
 
 def _add_options(parser: argparse.ArgumentParser) -> None:
@@ -71,6 +76,8 @@ def run(args: argparse.Namespace) -> int:
 
     if args.action == "formats":
         return _formats()
+    if args.action == "fetch":
+        return _fetch()
     if args.provenance is not None and args.provenance not in PROVENANCES:
         msg = f"--provenance must be one of {', '.join(PROVENANCES)}, got {args.provenance!r}"
         raise UsageError(msg)
@@ -112,6 +119,21 @@ def _formats() -> int:
         print(f"  {each.lacks}")
         if each.options:
             print(f"  options: {' '.join(each.options)}")
+    return 0
+
+
+def _fetch() -> int:
+    """Fetch the recordings that the chapter on real machines is about."""
+    from cpl.logs.fetch import PACKAGES, RecordingsError, fetch
+
+    try:
+        found = fetch()
+    except (RecordingsError, OSError) as error:
+        print(_plain(f"cpl logs: {error}"), file=sys.stderr)
+        return 1
+    for package in PACKAGES:
+        print(f"{package.name} {package.version}: {', '.join(package.files)} ({package.licence})")
+    print(f"{len(found)} files in {found[0].parent}")
     return 0
 
 

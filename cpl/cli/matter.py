@@ -18,7 +18,6 @@ __all__ = ["register", "run"]
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser."""
     parser = subparsers.add_parser(
         "matter",
         help="does a tracked quantile matter, to a log or a policy of your own?",

@@ -14,7 +14,6 @@ __all__ = ["register", "run"]
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser."""
     parser = subparsers.add_parser("params", help="list the chapters, or a chapter's parameters")
     parser.add_argument("chapter", nargs="?", help="its name; without it, all chapters are listed")
     parser.add_argument("--json", action="store_true", help="write JSON, for programs")

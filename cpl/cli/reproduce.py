@@ -17,7 +17,6 @@ __all__ = ["register", "run"]
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser."""
     parser = subparsers.add_parser(
         "reproduce",
         help="recompute everything from an empty store and compare the claims",

@@ -25,7 +25,6 @@ UNANSWERED = "the robot does not answer"  # one of `cpl.robot.packets.TRIPS`
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser."""
     parser = subparsers.add_parser(
         "robot",
         help="rehearse on emulators, or run on a Go1 with a T265",

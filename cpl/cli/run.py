@@ -17,7 +17,6 @@ Chosen = dict[str, Value]
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser."""
     parser = subparsers.add_parser(
         "run",
         help="execute a chapter, with parameters of your own if you like",

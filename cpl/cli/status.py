@@ -10,7 +10,6 @@ __all__ = ["register", "run"]
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser."""
     parser = subparsers.add_parser("status", help="show what is computed, published, stale and why")
     parser.add_argument("experiment", nargs="?", help="its name (default: all)")
     parser.add_argument(

@@ -20,7 +20,6 @@ __all__ = ["register", "run"]
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the parser."""
     parser = subparsers.add_parser(
         "track",
         help="track a file of scores: threshold, coverage, and the bound that holds",

@@ -36,6 +36,7 @@ __all__ = [
 ]
 
 _RESAMPLES = 2_000
+_COLUMNS = ("pair", "block", "level", *SUMS)
 
 
 def chosen(table: pd.DataFrame, values: Mapping[str, object]) -> pd.DataFrame:
@@ -48,12 +49,16 @@ def chosen(table: pd.DataFrame, values: Mapping[str, object]) -> pd.DataFrame:
         >>> len(chosen(pd.DataFrame({"method": ["none", "hau"]}), {"method": "hau"}))
         1
     """
+    return pd.DataFrame(table.loc[_where(table, values)])
+
+
+def _where(table: pd.DataFrame, values: Mapping[str, object]) -> NDArray[np.bool_]:
     mask = np.ones(len(table), dtype=np.bool_)
     for name, value in values.items():
         mask &= (table[name] == value).to_numpy()
     if not mask.any():
         raise ValueError(f"values must be in the table, got {dict(values)!r}")
-    return pd.DataFrame(table.loc[mask])
+    return mask
 
 
 def weights_for(table: pd.DataFrame, *, seed: int = 0) -> Weights:
@@ -76,7 +81,7 @@ def curve_of(table: pd.DataFrame, axes: Axes, weights: Weights) -> Curve:
         axes: The plane.
         weights: From `weights_for`.
     """
-    columns = table[["pair", "block", "level", *SUMS]].to_numpy(np.float64)
+    columns = table[list(_COLUMNS)].to_numpy(np.float64)
     total, drawn = _summed(_Part(columns.tobytes(), table, weights))
     # A resample without a crash or a step leaves no measure undefined: every sum below a fraction
     # line counts steps, episodes or kilometres.
@@ -141,7 +146,8 @@ def compare(
     Raises:
         ValueError: If a curve is not in the table or the two have no level in common.
     """
-    parts = [chosen(table, which) for which in (first, second, *ends)]
+    numbers = table[list(_COLUMNS)]  # texts, once they have chosen the rows, are in the way
+    parts = [numbers.loc[_where(table, which)] for which in (first, second, *ends)]
     shared = set.intersection(*(set(part["block"]) for part in parts))
     kept = [part.loc[part["block"].isin(sorted(shared))] for part in parts]
     weights = weights_for(kept[0], seed=seed)

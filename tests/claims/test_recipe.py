@@ -23,7 +23,8 @@ def checkout(tmp_path):
     root = project_root()
     shutil.copytree(root / "cpl", tmp_path / "cpl", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(root / "data" / "results", tmp_path / "data" / "results")
-    (tmp_path / "data" / "models").symlink_to(root / "data" / "models")
+    for shown in ("book", "pyproject.toml", "data/models"):
+        (tmp_path / shown).symlink_to(root / shown)
     return tmp_path
 
 

@@ -127,6 +127,13 @@ def test_kitti_asks_for_its_times(tmp_path):
         read_run(path, silent="unstated", times=times)
 
 
+def test_infinite_matrices_are_no_warning(tmp_path):
+    path = tmp_path / "00.txt"
+    path.write_bytes(kitti(WALK).replace(b"1.0000", b"inf ", 1).replace(b"0.0000", b"1e200", 1))
+    with pytest.raises(LogError):
+        read_run(path, silent="unstated")
+
+
 def test_a_t265_export_without_times_has_its_rate(tmp_path):
     path = tmp_path / "a.csv"
     lines = t265(WALK).decode().splitlines()

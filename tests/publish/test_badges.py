@@ -106,5 +106,5 @@ def test_a_page_that_stands_alone_has_badges_without_links(site, papers):
     pages = site(rows=[1, 7], promise="# A promise\n\nSee {claim}`7`.\n")
     assert f"claim 7 {papers[6].verdict} ." in words(pages["promise"])
     opening = re.search(r'<p class="book-claims">.*?</p>', pages["promise"], re.DOTALL)[0]
-    assert f"1 {papers[0].verdict}" in words(opening)
+    assert f"no. 1: {papers[0].verdict}" in words(opening)
     assert "href" not in opening

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from cpl.conformal import (
     Fixed,
     Rule,
     RunningMax,
+    StateRule,
     TrailingMax,
     TrailingRange,
     adversary,
@@ -22,6 +24,7 @@ from cpl.conformal import (
     step_sizes,
     track,
 )
+from cpl.conformal.family import ACI, ECI, MEMBERS, PID, Rolling
 from cpl.rng import stream
 
 __all__ = ["tracker_vectors"]
@@ -53,7 +56,7 @@ def tracker_vectors() -> dict[str, list[dict[str, Any]]]:
 
 def _tracks() -> Iterator[dict[str, Any]]:
     rng = stream(1, "live", "tracks")
-    for rule, tolerance in _RULES:
+    for rule, tolerance in (*_RULES, *_FAMILY):
         for alpha, delay, q0 in _WAYS:
             scores = rng.uniform(0, 1, 60) * np.where(np.arange(60) < 30, 0.3, 1.0)
             scores[rng.integers(0, 60, 6)] = rng.choice([0.0, 1.0], 6)
@@ -126,6 +129,8 @@ def _adversaries() -> Iterator[dict[str, Any]]:
 def _named(rule: Rule) -> Mapping[str, Any]:
     """Return a rule as the scripts write it."""
     match rule:
+        case StateRule():
+            return {"kind": _KINDS[type(rule)], **asdict(rule)}
         case PI():
             inner, gains = _named(rule.rule), (rule.K_I, rule.C_sat, rule.lag)
             return {
@@ -162,4 +167,14 @@ _RULES: tuple[tuple[Rule, float], ...] = (
     (PI(Fixed(eta=0.05), K_I=0.2, C_sat=0.15), _ROUNDED),
     (PI(Fixed(eta=0.05), K_I=0.2, C_sat=0.15, lag=0), _ROUNDED),
 )
+_FAMILY: tuple[tuple[Rule, float], ...] = (
+    *((member.make(0.5), _ROUNDED) for member in MEMBERS.values()),
+    (ACI(gamma=0.2, window=5, quantile="corrected"), _ROUNDED),
+    (ACI(gamma=0.2, window=5, quantile="linear", clip=True), _ROUNDED),
+    (Rolling(window=7, quantile="higher"), _ROUNDED),
+    (ECI(eta=0.3, window=5, form="accumulated", cutoff=True), _ROUNDED),
+    (ECI(eta=0.3, window=0, decay=0.9), _ROUNDED),
+    (PID(eta=0.1, K_I=1.0, C_sat=0.05, level=0.5, trend=0.3), _ROUNDED),
+)
+_KINDS = {type(member.make(1.0)): name for name, member in MEMBERS.items()}
 _WAYS = ((0.1, 1, 0.0), (0.1, 3, 0.25), (0.31, 2, 0.0))

@@ -25,6 +25,48 @@
       words: "shrinking with time: η t^−0.6",
       rule: (size) => ({ kind: "decaying", c: size, power: 0.6 }),
     },
+    pi: {
+      words: "PI: fixed η and the sum of the errors",
+      rule: (size) => ({ kind: "pi", rule: { kind: "fixed", eta: size }, K_I: 0.5, C_sat: 5, lag: 1 }),
+    },
+    aci: {
+      words: "ACI: a level with step η/5, quantile of the last 100",
+      rule: (size) => ({ kind: "aci", gamma: size / 5, window: 100, quantile: "inverted_cdf", clip: false }),
+    },
+    dtaci: {
+      words: "DtACI: five such levels",
+      rule: () => ({
+        kind: "dtaci", gammas: [0.001, 0.004, 0.016, 0.064, 0.128], window: 100, interval: 100,
+        quantile: "inverted_cdf", clip: false, wait: 0,
+      }),
+    },
+    sf_ogd: { words: "SF-OGD, scale 10 η", rule: (size) => ({ kind: "sf_ogd", scale: 10 * size, clip: false }) },
+    saocp: {
+      words: "SAOCP, scale 10 η",
+      rule: (size) => ({ kind: "saocp", scale: 10 * size, lifetime: 8, clip: false }),
+    },
+    pid: {
+      words: "PID with a scorecaster: η",
+      rule: (size) => ({ kind: "pid", eta: size, K_I: 0.5, C_sat: 5, level: 0.1, trend: 0 }),
+    },
+    eci: {
+      words: "ECI: η times the range of the last 100",
+      rule: (size) => ({ kind: "eci", eta: size, window: 100, slope: 1, form: "shown", cutoff: false, decay: 0 }),
+    },
+    kt: { words: "betting, wealth 10 η", rule: (size) => ({ kind: "kt", wealth: 10 * size }) },
+    up_ocp: { words: "UP-OCP, wealth 10 η", rule: (size) => ({ kind: "up_ocp", wealth: 10 * size }) },
+    cop: { words: "COP: η", rule: (size) => ({ kind: "cop", eta: size, window: 100 }) },
+    cost_aware: {
+      words: "cost-aware: η",
+      rule: (size) => ({ kind: "cost_aware", eta: size, cost: 2, reach: 1 }),
+    },
+    decision: { words: "decision theory: η", rule: (size) => ({ kind: "decision", eta: size, reach: 0.5 }) },
+    ewma: { words: "moving average and 1.3 deviations", rule: () => ({ kind: "ewma", memory: 20, deviations: 1.3 }) },
+    rolling: {
+      words: "quantile of the last 100 scores",
+      rule: () => ({ kind: "rolling", window: 100, quantile: "inverted_cdf" }),
+    },
+    split: { words: "split conformal: of the first 50", rule: () => ({ kind: "split", calibration: 50 }) },
   };
 
   const WORLDS = {
@@ -71,7 +113,7 @@
       const most = tracker.maxErrors(alpha, settings.eta, B, W, delay);
       const least = tracker.minErrors(alpha, settings.eta, B, W, delay);
       for (const row of rows) Object.assign(row, { most, least });
-    } else if (delay === 1) {
+    } else if (delay === 1 && eta && rule !== "pi") {
       let largest = 0;
       let seen = 0;
       for (const row of rows) {
@@ -119,7 +161,7 @@
       delay: kit.slider({ label: "delay of the feedback", min: 1, max: 12, step: 1, value: 1, words: (v) => (v === 1 ? "1 step" : `${v} steps`), act: (delay) => change({ delay }) }),
       W: kit.slider({ label: "W, window", min: 1, max: STEPS, step: 1, value: 40, words: (v) => (v === 1 ? "1 step" : `${v} steps`), act: (W) => change({ W }) }),
       rule: kit.select({
-        label: "step rule",
+        label: "rule",
         options: Object.fromEntries(Object.entries(RULES).map(([name, { words }]) => [name, words])),
         value: "fixed",
         act: (rule) => change({ rule }),
@@ -251,7 +293,7 @@
   }
 
   function judgement(fullest, { W, rule, delay }, exact) {
-    if (fullest.most === undefined) return "For a step that varies and feedback that comes late, no bound is proved here.";
+    if (fullest.most === undefined) return "For this rule, or feedback that comes late, no bound of a window is computed here.";
     if (fullest.most >= W) {
       return fullest.errors === W
         ? `All ${W} steps of a window are errors, and nothing forbids it.`
@@ -289,9 +331,10 @@
     const missed = scores.map((v, t) => (err[t] ? `M${X(t + 1).toFixed(1)} ${(Y(v) - 4.2).toFixed(1)}l3.8 7h-7.6z` : ""));
     parts.push(s("path", { class: "covered", d: covered.join("") }), s("path", { class: "missed", d: missed.join("") }));
     const line = [];
-    q.forEach((v, t) => line.push([X(t + 0.5), Y(v)], [X(t + 1.5), Y(v)]));
+    const shown = q.map((v) => Math.min(Math.max(v, low), high)); // an infinite one lies on the edge
+    shown.forEach((v, t) => line.push([X(t + 0.5), Y(v)], [X(t + 1.5), Y(v)]));
     parts.push(s("path", { class: "quantile", d: kit.path(line) }));
-    parts.push(kit.note(axes.right - 4, Y(q[STEPS - 1]) - 7, "q", "blue", "end"));
+    parts.push(kit.note(axes.right - 4, Y(shown[STEPS - 1]) - 7, "q", "blue", "end"));
     if (own) parts.push(s("line", { class: "cursor", x1: X(at + 1), x2: X(at + 1), y1: axes.top, y2: axes.bottom }));
     const under = axes.bottom + 30; // the line of the axis title
     parts.push(s("path", { class: "missed", d: `M${axes.left + 5} ${under - 9}l3.8 7h-7.6z` }), kit.note(axes.left + 13, under, "error", "red"));

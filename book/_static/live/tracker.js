@@ -8,6 +8,9 @@
 (function (root) {
   "use strict";
 
+  const inNode = typeof module === "object" && module.exports;
+  const family = inNode ? require("./family.js") : root.cplLive.family;
+
   // ---------------------------------------------------------------- steps, one for each score
 
   const rules = {
@@ -44,6 +47,7 @@
   // ---------------------------------------------------------------- trackers
 
   function track(scores, rule, { alpha, delay = 1, q0 = 0 }) {
+    if (family.has(rule.kind)) return family.follow(scores, rule, { alpha, delay, q0 });
     const eta = steps(scores, rule);
     const q = new Array(scores.length);
     const err = new Array(scores.length);
@@ -247,6 +251,6 @@
     variableStepBound,
     worstScores,
   };
-  if (typeof module === "object" && module.exports) module.exports = tracker;
+  if (inNode) module.exports = tracker;
   else root.cplLive = Object.assign(root.cplLive || {}, { tracker });
 })(typeof self === "undefined" ? this : self);

@@ -1,6 +1,7 @@
 """Row 47: coverage is above 0.8 in and out of distribution."""
 
 from cpl.claims.claim import HARDWARE, Claim, Reader
+from cpl.claims.rows._machines import NAMES, leaning, met, recordings, told
 from cpl.claims.rows._twin import WHERE, combined, entry, side
 from cpl.claims.verdict import Leaning
 
@@ -25,6 +26,19 @@ def _in_the_twin(read: Reader) -> Leaning:
     return Leaning(leans=combined(leans), text=text)
 
 
+def _on_other_machines(read: Reader) -> Leaning:
+    table = recordings(read)
+    runs = {name: met(table, "coverage", machine) for machine, name in NAMES.items()}
+    below = [met(table, "windows_below", machine).value for machine in NAMES]
+    values = (told(name, estimate, "{:.2f}") for name, estimate in runs.items())
+    text = (
+        f"coverage of the drift of the next second at alpha = 0.2: {', '.join(values)}; of the "
+        f"windows of 4 s {min(below):.0%} to {max(below):.0%} lie below 0.8"
+    )
+    leans = [leaning(each, level=0.8) for each in runs.values()]
+    return Leaning(leans=combined(leans), text=text)
+
+
 CLAIM = Claim(
     row=47,
     claim="coverage is above 0.8 in and out of distribution",
@@ -37,4 +51,5 @@ CLAIM = Claim(
     chapter="run_it",
     flags=(HARDWARE,),
     in_the_twin=_in_the_twin,
+    on_other_machines=_on_other_machines,
 )

@@ -1,6 +1,7 @@
 """Row 48: SLAM errors depend on path and speed."""
 
 from cpl.claims.claim import HARDWARE, Claim, Reader
+from cpl.claims.rows._machines import NAMES, leaning, met, recordings, told
 from cpl.claims.rows._twin import AS, OPEN, combined, entry, ratio, side
 from cpl.claims.verdict import Leaning
 
@@ -19,6 +20,19 @@ def _in_the_twin(read: Reader) -> Leaning:
     return Leaning(leans=combined(leans), text=text)
 
 
+def _on_other_machines(read: Reader) -> Leaning:
+    table = recordings(read)
+    leans: list[str] = []
+    parts: list[str] = []
+    for word, number in (("speed", "with_speed"), ("turning", "with_turning")):
+        each = {name: met(table, number, machine) for machine, name in NAMES.items()}
+        leans += [leaning(estimate) for estimate in each.values()]
+        values = (told(name, estimate, "{:+.2f}") for name, estimate in each.items())
+        parts.append(f"with {word} {', '.join(values)}")
+    text = f"rank correlation of the drift of the next second {'; '.join(parts)}"
+    return Leaning(leans=combined(leans), text=text)
+
+
 CLAIM = Claim(
     row=48,
     claim="SLAM errors depend on path and speed",
@@ -30,4 +44,5 @@ CLAIM = Claim(
     chapter="run_it",
     flags=(HARDWARE,),
     in_the_twin=_in_the_twin,
+    on_other_machines=_on_other_machines,
 )

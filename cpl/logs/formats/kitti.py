@@ -28,7 +28,9 @@ def _recognise(head: Head) -> Likeness:
             matrix = np.array([float(cell) for cell in row]).reshape(3, 4)
         except ValueError:
             continue
-        twelve += np.abs(matrix[:, :3] @ matrix[:, :3].T - np.eye(3)).max() < 0.01
+        with np.errstate(all="ignore"):
+            off = np.abs(matrix[:, :3] @ matrix[:, :3].T - np.eye(3)).max()
+        twelve += bool(off < 0.01)
     if rows and twelve > 0.9 * len(rows):
         return Likeness(0.95, "twelve numbers a line, of which nine are a rotation")
     if rows and twelve:

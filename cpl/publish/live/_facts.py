@@ -7,8 +7,9 @@ from collections import Counter
 from collections.abc import Sequence
 
 from cpl.claims import ledger, own, table
+from cpl.claims.sheet import claim_graph, claims_file
 
-__all__ = ["ledger_file"]
+__all__ = ["judged_files", "ledger_file"]
 
 
 def ledger_file(rows: Sequence[int] | None = None) -> bytes:
@@ -28,3 +29,12 @@ def ledger_file(rows: Sequence[int] | None = None) -> bytes:
         for row in shown
     ]
     return (json.dumps({"counts": counts, "rows": entries}, indent=1) + "\n").encode()
+
+
+def judged_files() -> dict[str, bytes]:
+    """Return the whole ledger for other programs: every row in full, and the claim graph."""
+    rows = [*ledger(), *own()]
+    return {
+        "claims.json": claims_file(rows).encode(),
+        "claim_graph.json": claim_graph(rows).encode(),
+    }

@@ -11,7 +11,7 @@ from cpl.experiments import published
 from cpl.figures.live import missing, preview
 from cpl.figures.road import moments
 from cpl.figures.theory import band
-from cpl.publish.live._facts import ledger_file
+from cpl.publish.live._facts import judged_files, ledger_file
 from cpl.publish.live._pareto import pareto_files
 from cpl.publish.live._rides import opening_moments, ride_scripts
 from cpl.publish.live._script import as_script
@@ -38,7 +38,8 @@ def files_for_site(text: str) -> dict[str, bytes]:
     figures = _figures(text)
     if not figures:
         return {}
-    return {**figures, _LEDGER: ledger_file(), "_static/preview.png": _preview()}
+    judged = {f"{_FOLDER}/data/{name}": content for name, content in judged_files().items()}
+    return {**figures, **judged, _LEDGER: ledger_file(), "_static/preview.png": _preview()}
 
 
 def files_for_page(text: str, slug: str) -> dict[str, bytes]:
