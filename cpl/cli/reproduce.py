@@ -123,6 +123,12 @@ def _print(outcome: Mapping[str, Any]) -> int:
         print(f"{'':14s}{again} {claim['reason']}".rstrip())
     against = [claim["row"] for claim in outcome["claims"] if claim["agrees"] is False]
     minutes = outcome["wall_s"] / 60
+    took, planned, expected = (outcome[f"{n}_s"] for n in ("wall", "scheduled", "predicted"))
+    print(
+        f"{took:.0f} s; the schedule of these pieces takes {planned:.0f} s, and took "
+        f"{expected:.0f} s by what they were noted to take",
+        file=sys.stderr,
+    )
     print(
         f"{differing} pieces differ, {len(against)} of {len(outcome['claims'])} claims differ; "
         f"{minutes:.1f} min",

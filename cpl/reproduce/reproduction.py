@@ -22,10 +22,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpl.reproduce._agreement import Claim, Pieces, claims_again, pieces_again
-from cpl.reproduce._ahead import ahead, groups
 from cpl.store import atomic_write, machine, source_commit, today
 
 if TYPE_CHECKING:
+    from cpl.experiments.run.graph import Graph, Place
     from cpl.experiments.run.job import Job
     from cpl.experiments.run.result import Result
 
@@ -114,10 +114,10 @@ def reproduce(
 ) -> dict[str, Any]:
     """Compute everything into a folder, compare, and write `report.json` there.
 
-    Stopped and called again with the same folder it goes on where it was, and the report says so.
-    Called again when everything is there, it compares anew and keeps what the report says of the
-    computation. On this machine a second process of low priority fills the cores that a step with
-    one piece leaves idle.
+    The pieces of all steps are run in one pool, each as soon as what it needs is there, that at
+    the head of the longest chain first. Stopped and called again with the same folder it goes on
+    where it was, and the report says so. Called again when everything is there, it compares anew
+    and keeps what the report says of the computation.
 
     Args:
         steps: From `plan`, at least one.
@@ -126,40 +126,43 @@ def reproduce(
         workers: Processes; one a core unless given.
         cluster: Address of a dask scheduler instead.
         record: Call a published result verified, with today's code, if its pieces are the same.
-        report: Told of each step, with an estimate of the time left.
+        report: Called with a line for each step, and an estimate of the time left.
 
     Returns:
-        The report: machine, versions, steps with their seconds and pieces, claims.
+        The report: machine, versions, steps with their seconds and pieces, claims, and beside the
+        time that it took the time that the schedule was to take: `predicted_s` by what the pieces
+        took when they were last noted, `scheduled_s` by what they took now.
     """
-    from cpl.experiments.run.publication import record_agreement, run_job
+    from cpl.experiments.run.execute import run_jobs
+    from cpl.experiments.run.publication import record_agreement
     from cpl.store import WorkStore
 
     store, results = WorkStore(folder / "store"), folder / "results"
     resumed, there = store.root.exists(), _shards(store.root)
-    begun, done = time.monotonic(), list[dict[str, Any]]()
-    first, *others = groups(steps)
-    spare = cluster is None and (workers or os.cpu_count() or 1) > 1
-    aside = [step for part in others for step in part] if spare else []
-    steps = [step for part in (first, *others) for step in part]
-    with _from_nothing(), ahead(aside, store.root):
-        for number, step in enumerate(steps, 1):
-            left = _left(steps, number - 1, done, time.monotonic() - begun)
-            report(f"[{number}/{len(steps)}] {step.experiment}{left}")
-            start = time.monotonic()
-            try:
-                result = run_job(
-                    step.job, store=store, workers=workers, cluster=cluster, quiet=False
-                )
-            except ModuleNotFoundError as error:  # it needs an extra that is not installed
-                done.append(_told(step, None, time.monotonic() - start, str(error)))
+    by_name = {step.experiment: step for step in steps}
+    begun, done, seconds = time.monotonic(), list[dict[str, Any]](), dict[Any, float]()
+    with _from_nothing():
+        graph = _graph(steps)
+        predicted_s = _makespan(graph, workers)
+        report(f"about {predicted_s / 60:.0f} min to go")
+        for job, result in run_jobs(
+            [step.job for step in steps], store=store, workers=workers, cluster=cluster,
+            missing=ModuleNotFoundError, seconds=seconds,
+        ):  # fmt: skip
+            step, ended_s = by_name[job.name], time.monotonic() - begun
+            if isinstance(result, Exception):  # it needs an extra that is not installed
+                done.append(_entry(step, None, ended_s, str(result)))
                 continue
             _publish(result, results)
-            pieces = pieces_again(step.job, result)
+            pieces = pieces_again(job, result)
             if record and pieces.agree:
                 record_agreement(step.experiment, _PUBLISHED, pieces.shards)
-            done.append(_told(step, result, time.monotonic() - start, None, pieces))
+            done.append(_entry(step, result, ended_s, None, pieces))
+            left = _left(steps, done, ended_s)
+            report(f"[{len(done)}/{len(steps)}] {step.experiment}{left}")
+        scheduled_s = _makespan(graph, workers, seconds)
     claims = claims_again(results, {s.experiment for s in steps if s.whole})
-    told = {
+    found = {
         "made": today(),
         "commit": source_commit(),
         "machine": machine(),
@@ -168,26 +171,50 @@ def reproduce(
         "resumed": resumed,
         "compared": {"date": today(), "commit": source_commit()},
         "wall_s": round(time.monotonic() - begun, 1),
+        "predicted_s": round(predicted_s, 1),
+        "scheduled_s": round(scheduled_s, 1),
         "processor_s": round(sum(step["processor_s"] or 0.0 for step in done), 1),
         "left_out": dict(left_out or {}),
         "steps": done,
         "claims": [asdict(claim) for claim in claims],
     }
     if there and there == _shards(store.root):
-        told |= _computed_before(folder / "report.json", done)
-    text = json.dumps(told, indent=1, sort_keys=True, allow_nan=False)
+        found |= _computed_before(folder / "report.json", done)
+    text = json.dumps(found, indent=1, sort_keys=True, allow_nan=False)
     atomic_write(folder / "report.json", text + "\n")
-    return told
+    return found
+
+
+def _graph(steps: Sequence[Step]) -> Graph:
+    from cpl.experiments.run.graph import Graph
+
+    graph = Graph()
+    for step in steps:
+        graph.add(step.job)
+    return graph
+
+
+def _makespan(
+    graph: Graph, workers: int | None, seconds: Mapping[Place, float] | None = None
+) -> float:
+    """Return how long the schedule takes that `cpl.sweep` runs, by expected or by given times."""
+    from cpl.experiments.run.schedule import makespan
+
+    pieces = graph.costs()
+    if seconds is not None:
+        pieces = {place: replace(p, seconds=seconds.get(place, 0.0)) for place, p in pieces.items()}
+    return makespan(pieces, workers or os.cpu_count() or 1).seconds
 
 
 def _step(whole: Job, task: Job) -> Step:
     from cpl.experiments.run.costs import expected_seconds
 
+    expected = expected_seconds(task.name, tuple(task.pieces))
     return Step(
         experiment=task.name,
         job=task,
         whole=task.config == whole.config,
-        expected_s=expected_seconds(task.name, tuple(task.pieces)),
+        expected_s=None if expected is None else sum(expected.values()),
     )
 
 
@@ -209,10 +236,13 @@ def _computed_before(path: Path, steps: Sequence[dict[str, Any]]) -> dict[str, A
     if not path.exists():
         return {}
     earlier = json.loads(path.read_text(encoding="utf-8"))
-    times = {step["experiment"]: step["wall_s"] for step in earlier["steps"]}
+    times = {step["experiment"]: step["ended_s"] for step in earlier["steps"]}
     for step in steps:
-        step["wall_s"] = times.get(step["experiment"], step["wall_s"])
-    names = ("made", "commit", "machine", "workers", "cluster", "resumed", "wall_s")
+        step["ended_s"] = times.get(step["experiment"], step["ended_s"])
+    names = (
+        "made", "commit", "machine", "workers", "cluster", "resumed",
+        "wall_s", "predicted_s", "scheduled_s",
+    )  # fmt: skip
     return {name: earlier[name] for name in names}
 
 
@@ -260,22 +290,21 @@ def _from_nothing() -> Iterator[None]:
             os.environ["CPL_FRESH"] = before
 
 
-def _left(steps: Sequence[Step], at: int, done: Sequence[dict[str, Any]], elapsed_s: float) -> str:
+def _left(steps: Sequence[Step], done: Sequence[Mapping[str, Any]], elapsed_s: float) -> str:
     """Say how long it will still take, at the pace of what is done."""
-    expected = sum(step.expected_s or 0.0 for step in steps[:at])
-    ahead = sum(step.expected_s or 0.0 for step in steps[at:])
-    unknown = sum(step.expected_s is None for step in steps[at:])
-    cores = os.cpu_count() or 1
-    pace = elapsed_s / expected if done and expected > 1 else 1 / cores
-    minutes = ahead * pace / 60
+    names = {entry["experiment"] for entry in done}
+    expected = sum(step.expected_s or 0.0 for step in steps if step.experiment in names)
+    open_s = sum(step.expected_s or 0.0 for step in steps if step.experiment not in names)
+    unknown = sum(step.expected_s is None for step in steps if step.experiment not in names)
+    pace = elapsed_s / expected if expected > 1 else 1 / (os.cpu_count() or 1)
     more = f", and {unknown} steps never timed" if unknown else ""
-    return f": about {minutes:.0f} min left{more}"
+    return f": about {open_s * pace / 60:.0f} min left{more}"
 
 
-def _told(
+def _entry(
     step: Step,
     result: Result | None,
-    wall_s: float,
+    ended_s: float,
     missing: str | None,
     pieces: Pieces | None = None,
 ) -> dict[str, Any]:
@@ -285,7 +314,7 @@ def _told(
         "shards": len(step.job.pieces),
         "processor_s": None if result is None else round(result.provenance.seconds, 2),
         "expected_s": None if step.expected_s is None else round(step.expected_s, 2),
-        "wall_s": round(wall_s, 2),
+        "ended_s": round(ended_s, 2),
         "rows": None if result is None else len(result.table),
         "content": None if result is None else result.provenance.content,
         "pieces": pieces and {"compared": pieces.compared, "differing": list(pieces.differing)},

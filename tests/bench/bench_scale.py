@@ -15,7 +15,7 @@ import pandas as pd
 from cpl.experiments.run.schedule import Piece, makespan
 from cpl.rng import stream
 from cpl.store import WorkStore
-from cpl.sweep import sweep
+from cpl.sweep import Task, sweep
 from tests.bench.frame import Row
 
 PACKAGES = ("dask", "distributed", "joblib", "pandas", "pyarrow")
@@ -76,11 +76,24 @@ def _swept(function, address: str | None, shards: dict[str, object]) -> tuple[fl
     with tempfile.TemporaryDirectory(prefix="cpl-bench-") as folder:
         store = WorkStore(Path(folder))
         elapsed, busy = time.perf_counter(), time.process_time()
-        sweep(
-            function, shards, stage="toy", key="0" * 64, origin="cpl.rng", store=store,
-            workers=1, cluster=address, quiet=True,
-        )  # fmt: skip
+        tasks = {
+            name: Task(
+                call=partial(_alone, function, shard), stage="toy", name=name, origin="cpl.rng",
+                key=_key,
+            )
+            for name, shard in shards.items()
+        }  # fmt: skip
+        for _ in sweep(tasks, store=store, workers=1, cluster=address, quiet=True):
+            pass
         return time.perf_counter() - elapsed, time.process_time() - busy
+
+
+def _alone(function, shard: object, _inputs: object) -> pd.DataFrame:
+    return function(shard)
+
+
+def _key(_digests: object) -> str:
+    return "0" * 64
 
 
 def _waits() -> list[float]:

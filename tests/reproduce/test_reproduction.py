@@ -3,7 +3,6 @@
 import json
 import math
 import os
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -15,11 +14,9 @@ from cpl.cli import main
 from cpl.experiments.run.job import job_of
 from cpl.experiments.run.publication import published
 from cpl.reproduce._agreement import _told_apart, agree, claims_again, pieces_again
-from cpl.reproduce._ahead import ahead, groups
 from cpl.reproduce.reproduction import plan, reproduce, unpublished
 from cpl.store import (
     PublishedShard,
-    WorkStore,
     encode_model,
     manifests,
     publish,
@@ -71,7 +68,8 @@ def test_everything_is_computed_into_a_layer_of_its_own(tmp_path):
         said.append(line)
 
     told = reproduce(plan("paper", ["proximity"]), tmp_path, workers=1, report=report)
-    assert seen == ["1"]
+    assert seen == ["1", "1"]
+    assert len(said) == 2
     assert "CPL_FRESH" not in os.environ
     assert (tmp_path / "results" / "proximity" / "paper.json").is_file()
     assert told["steps"][0]["pieces"] == {"compared": 1, "differing": []}
@@ -79,6 +77,9 @@ def test_everything_is_computed_into_a_layer_of_its_own(tmp_path):
     assert told["claims"][0]["agrees"]
     assert told["claims"][0]["whole"]
     assert not told["resumed"]
+    # One worker: the schedule of what was run takes just as long as its pieces together.
+    assert told["scheduled_s"] == pytest.approx(told["processor_s"], abs=0.1)
+    assert told["scheduled_s"] <= told["wall_s"] + 0.1
     written = json.loads((tmp_path / "report.json").read_text())
     assert written == json.loads(json.dumps(told))
     again = reproduce(plan("paper", ["proximity"]), tmp_path, workers=1, report=report)
@@ -171,29 +172,3 @@ def test_a_claim_agrees_when_the_intervals_meet():
     assert agree(row, replace(near, low=math.nan), same_seeds=False) is None
     other = replace(row, verdict="undecided")
     assert not agree(row, other, same_seeds=True, timed=True)
-
-
-def test_steps_part_into_groups_that_need_nothing_of_each_other(steps):
-    parts = [[step.experiment for step in part] for part in groups(list(steps.values()))]
-    assert {"base_policies", "forecasts", "table1"} <= set(parts[0])  # the costliest
-    assert ["quadruped_collect", "quadruped_predictor", "quadruped_eval"] in parts
-    assert ["proximity"] in parts
-    assert sorted(name for part in parts for name in part) == sorted(steps)
-    for part in parts:
-        for place, name in enumerate(part):
-            job = steps[name].job
-            needed = {need.experiment for piece in job.pieces for need in job.needs(piece)}
-            assert needed <= set(part[:place])
-
-
-def test_another_process_computes_beside(tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr("cpl.reproduce.reproduction.claims_again", lambda *layer: [])
-    told = reproduce(plan("paper", ["windows", "proximity"]), tmp_path, workers=2)
-    assert [step["experiment"] for step in told["steps"]] == ["windows", "proximity"]
-    store = WorkStore(tmp_path / "beside")
-    with ahead(plan("paper", ["proximity"]), store.root):
-        deadline = time.monotonic() + 60
-        while not store.descriptions("proximity") and time.monotonic() < deadline:
-            time.sleep(0.1)
-    assert store.descriptions("proximity")
-    assert "Traceback" not in capfd.readouterr().err

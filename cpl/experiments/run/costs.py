@@ -82,14 +82,14 @@ def stages() -> tuple[list[Stage], list[str]]:
     return list(found.values()), unknown
 
 
-def expected_seconds(name: str, pieces: Collection[str]) -> float | None:
+def expected_seconds(name: str, pieces: Collection[str]) -> dict[str, float] | None:
     """Return the processor seconds that pieces should take; None if none was ever timed."""
     known = _read()
     mean = _mean(name, known)
     if mean is None:
         return None
     own = known.get(name, {})
-    return sum(own.get(piece, mean) for piece in pieces)
+    return {piece: own.get(piece, mean) for piece in pieces}
 
 
 def piece_seconds(manifest: Manifest) -> dict[str, float]:

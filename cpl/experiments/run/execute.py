@@ -1,30 +1,18 @@
-"""Run the missing shards of a job, and before them those of other experiments that they need."""
+"""Run jobs: the pieces of all of them in one pool, each as soon as what it needs is there."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import closing
 from typing import Any
 
 import pandas as pd
 
-from cpl.experiments.run.inputs import digests, published_shards
-from cpl.experiments.run.job import Job, experiment, job_of
+from cpl.experiments.run.graph import Graph, Place
+from cpl.experiments.run.job import Job
 from cpl.experiments.run.result import Provenance, Result
-from cpl.experiments.run.spec import Inputs, Need
-from cpl.store import (
-    PublishedShard,
-    WorkStore,
-    canonical_json,
-    machine,
-    plain,
-    rules_in_force,
-    source_commit,
-    table_digest,
-    today,
-)
-from cpl.sweep import Outcome, sweep
+from cpl.store import PublishedShard, WorkStore, machine, plain, source_commit, table_digest, today
+from cpl.sweep import sweep
 
-__all__ = ["run_again", "run_job"]
+__all__ = ["run_again", "run_job", "run_jobs"]
 
 
 def run_job(
@@ -36,10 +24,93 @@ def run_job(
     quiet: bool = True,
 ) -> Result:
     """Run the missing shards of a job, and before them what they need; put all together."""
-    store = WorkStore() if store is None else store
-    how = _How(store=store, workers=workers, cluster=cluster, quiet=quiet)
-    outcome, rules = _swept(task, tuple(task.pieces), how)
-    table = pd.concat(outcome.tables.values(), ignore_index=True)
+    with closing(
+        run_jobs([task], store=store, workers=workers, cluster=cluster, quiet=quiet)
+    ) as done:
+        ((_, result),) = done
+    if isinstance(result, Exception):
+        raise result
+    return result
+
+
+def run_jobs(
+    jobs: Sequence[Job],
+    *,
+    store: WorkStore | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
+    quiet: bool = False,
+    missing: type[Exception] | tuple[type[Exception], ...] = (),
+    seconds: dict[Place, float] | None = None,
+) -> Generator[tuple[Job, Result | Exception], None, None]:
+    """Run the missing shards of several jobs and of what they need, in one pool.
+
+    Args:
+        jobs: What is to be done.
+        store: Work layer; the default one unless given.
+        workers: Processes; one a core unless given.
+        cluster: Address of a dask scheduler instead.
+        quiet: Say nothing.
+        missing: Errors that end only the jobs whose pieces they hit: their result is the error.
+        seconds: Filled with the processor seconds of every piece.
+
+    Yields:
+        Each job with its result, as soon as its last piece is there.
+    """
+    graph, spent = Graph(), {} if seconds is None else seconds
+    places = {number: graph.add(job) for number, job in enumerate(jobs)}
+    waits: dict[Place, list[int]] = {}
+    for number, own in places.items():
+        for place in own:
+            waits.setdefault(place, []).append(number)
+    left = {number: len(own) for number, own in places.items()}
+    tables: dict[Place, pd.DataFrame] = {}
+    rules: dict[Place, Mapping[str, str]] = {}
+    for done in sweep(
+        graph.tasks(), graph.given, store=store, workers=workers, cluster=cluster, quiet=quiet,
+        missing=missing,
+    ):  # fmt: skip
+        spent[done.task] = done.seconds
+        rules[done.task] = done.lasting.get("rules", {})
+        asking = [number for number in waits.get(done.task, []) if number in left]
+        if done.table is not None and asking:
+            tables[done.task] = done.table
+        for number in asking:
+            if done.error is not None:
+                del left[number]
+                yield jobs[number], done.error
+                continue
+            left[number] -= 1
+            if not left[number]:
+                del left[number]
+                yield jobs[number], _result(jobs[number], tables, places[number], spent, rules)
+                for place in places[number]:
+                    if not any(other in left for other in waits[place]):
+                        tables.pop(place, None)
+
+
+def run_again(task: Job, shard: str) -> pd.DataFrame:
+    """Run one shard anew, whatever the store holds; its inputs are found, or computed."""
+    graph = Graph()
+    (place,) = graph.add(task, [shard])
+    tasks = graph.tasks()
+    own = tasks.pop(place)
+    inputs: dict[Any, pd.DataFrame] = {**graph.given}
+    for done in sweep(tasks, graph.given, workers=1, quiet=True):
+        if done.table is not None:
+            inputs[done.task] = done.table
+    return own.call([inputs[need] for need in own.needs])
+
+
+def _result(
+    task: Job,
+    tables: Mapping[Place, pd.DataFrame],
+    places: Sequence[Place],
+    seconds: Mapping[Place, float],
+    rules: Mapping[Place, Mapping[str, str]],
+) -> Result:
+    parts = {place[1]: tables[place] for place in places}
+    table = pd.concat(parts.values(), ignore_index=True)
     provenance = Provenance(
         experiment=task.name,
         profile=task.profile,
@@ -52,116 +123,18 @@ def run_job(
         versions=task.versions,
         machine=machine(),
         made=today(),
-        seconds=outcome.seconds,
+        seconds=sum(seconds[place] for place in places),
         content=table_digest(table),
         verified=today(),
-        shards=_stretches(outcome.tables),
-        rules=rules,
+        shards=_stretches(parts),
+        rules=_shared([rules[place] for place in places]),
     )
     return Result(table=table, config=task.config, provenance=provenance)
 
 
-def run_again(task: Job, shard: str) -> pd.DataFrame:
-    """Run one shard anew, whatever the store holds; its inputs are found, or computed."""
-    how = _How(store=WorkStore(), workers=1, cluster=None, quiet=True)
-    inputs = _inputs(task, [shard], how)[shard]
-    return _run_shard(task.name, task.config, _arguments(task, shard, inputs))
-
-
-@dataclass(frozen=True, kw_only=True)
-class _How:
-    """Where and how loudly shards are run."""
-
-    store: WorkStore
-    workers: int | None
-    cluster: str | None
-    quiet: bool
-
-
-def _swept(task: Job, names: Sequence[str], how: _How) -> tuple[Outcome, dict[str, str]]:
-    """Run the named shards that the store does not hold, and before them their inputs.
-
-    Returns:
-        The shards, and the rules of the ledger that were fixed before any of them was begun.
-    """
-    inputs = _inputs(task, names, how)
-    keys = {n: task.key(digests(task.needs(n), inputs[n])) for n in names}
-    known, told = how.store.descriptions(task.name), list[dict[str, str]]()
-    for key in set(keys.values()):
-        told.append(known[key].get("rules", {}) if key in known else rules_in_force())
-        how.store.describe(task.name, key, {**_description(task), "rules": told[-1]})
-    outcome = sweep(
-        partial(_run_shard, task.name, task.config),
-        {n: _arguments(task, n, inputs[n]) for n in names},
-        stage=task.name,
-        key=keys,
-        origin=task.origin,
-        store=how.store,
-        workers=how.workers,
-        cluster=how.cluster,
-        quiet=how.quiet,
-    )
-    shared = set[tuple[str, str]].intersection(*(set(rules.items()) for rules in told))
-    return outcome, dict(sorted(shared))
-
-
-def _arguments(task: Job, shard: str, inputs: Inputs) -> tuple[Any, ...]:
-    """Return what a shard is run with: itself, and its inputs if it has any."""
-    return (task.pieces[shard], inputs) if inputs else (task.pieces[shard],)
-
-
-def _run_shard(
-    name: str,
-    config: Any,  # noqa: ANN401 - its own Config
-    shard_and_inputs: tuple[Any, ...],
-) -> pd.DataFrame:
-    return experiment(name).run(config, *shard_and_inputs)
-
-
-def _inputs(
-    task: Job, names: Sequence[str], how: _How
-) -> dict[str, dict[str, dict[str, pd.DataFrame]]]:
-    """Find or compute what the shards need, each experiment in one sweep.
-
-    Returns:
-        By shard of the task, by need, by shard of the need: the table.
-    """
-    needs = {name: task.needs(name) for name in names}
-    wanted: dict[str, Need] = {}  # one for each experiment and configuration
-    for need in (need for several in needs.values() for need in several):
-        place = _place(need)
-        before = wanted[place].shards if place in wanted else ()
-        wanted[place] = replace(need, shards=tuple(dict.fromkeys((*before, *need.shards))))
-    tables = {place: _found(need, how) for place, need in wanted.items()}
-    return {
-        name: {need.label: {s: tables[_place(need)][s] for s in need.shards} for need in several}
-        for name, several in needs.items()
-    }
-
-
-def _place(need: Need) -> str:
-    return canonical_json([need.experiment, plain(need.config)])
-
-
-def _found(need: Need, how: _How) -> dict[str, pd.DataFrame]:
-    """Return the needed shards: published ones, then those of the store, then new ones."""
-    task = job_of(need.experiment, "+", need.config)
-    if unknown := [name for name in need.shards if name not in task.pieces]:
-        msg = f"shards of {need.experiment!r} must be among its own, got {unknown}"
-        raise ValueError(msg)
-    found = published_shards(need, task.spec)
-    missing = [name for name in need.shards if name not in found]
-    return {**found, **(_swept(task, missing, how)[0].tables if missing else {})}
-
-
-def _description(task: Job) -> dict[str, Any]:
-    return {
-        "experiment": task.name,
-        "parameters": task.parameters,
-        "modules": task.modules,
-        "versions": task.versions,
-        "shards": len(task.pieces),
-    }
+def _shared(rules: Sequence[Mapping[str, str]]) -> dict[str, str]:
+    """Return the rules of the ledger that were fixed before any of some pieces was begun."""
+    return dict(sorted(set.intersection(*(set(one.items()) for one in rules))))
 
 
 def _stretches(tables: Mapping[str, pd.DataFrame]) -> tuple[PublishedShard, ...]:

@@ -1,15 +1,15 @@
-"""Where inputs come from: published shards first, and what keys a shard that has inputs."""
+"""Where inputs come from: what was published serves first."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import lru_cache
 
 import pandas as pd
 
-from cpl.experiments.run.spec import Experiment, Inputs, Need
-from cpl.store import Manifest, data_path, plain, read_manifest, read_published, table_digest
+from cpl.experiments.run.spec import Experiment, Need
+from cpl.store import Manifest, data_path, plain, read_manifest, read_published
 
-__all__ = ["digests", "fresh", "published_shards"]
+__all__ = ["fresh", "published_shards"]
 
 
 def fresh() -> bool:
@@ -33,15 +33,6 @@ def published_shards(need: Need, spec: Experiment) -> dict[str, pd.DataFrame]:
         if here:
             return _stretches(need.experiment, profile, manifest, here)
     return {}
-
-
-def digests(needs: Sequence[Need], inputs: Inputs) -> dict[str, str]:
-    """Say what the inputs of a shard are, for its key: ``name/shard`` -> digest of the table."""
-    return {
-        f"{need.label}/{shard}": table_digest(inputs[need.label][shard])
-        for need in needs
-        for shard in need.shards
-    }
 
 
 def _stretches(

@@ -3,13 +3,21 @@
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from importlib import import_module
 from typing import Any, cast
 
 from cpl.experiments.run.found import module_of, names
 from cpl.experiments.run.settings import changed, unknown
 from cpl.experiments.run.spec import Experiment, Need, Shard
-from cpl.store import fingerprint, module_digests, plain, stage_key, versions_below
+from cpl.store import (
+    canonical_json,
+    fingerprint,
+    module_digests,
+    plain,
+    stage_key,
+    versions_below,
+)
 
 __all__ = ["Job", "experiment", "job", "job_of", "question"]
 
@@ -36,12 +44,17 @@ class Job:
     modules: dict[str, str]
     versions: dict[str, str]
 
+    @cached_property
+    def place(self) -> str:
+        """What tells jobs apart that have shards in common: their name and `parameters`."""
+        return canonical_json([self.name, self.parameters])
+
     @property
     def origin(self) -> str:
         """Dotted name of the module that computes."""
         return module_of(self.name)
 
-    @property
+    @cached_property
     def parameters(self) -> dict[str, Any]:
         """The settings that a shard depends on: all but those that count shards."""
         return self.spec.without_extent(plain(self.config))
@@ -56,9 +69,13 @@ class Job:
             self.name,
             self.parameters,
             upstream=[f"{name}={digest}" for name, digest in sorted(inputs.items())],
-            fingerprint=fingerprint(self.origin),
+            fingerprint=self._code,
             versions=self.versions,
         )
+
+    @cached_property
+    def _code(self) -> str:
+        return fingerprint(self.origin)
 
 
 def experiment(name: str) -> Experiment:

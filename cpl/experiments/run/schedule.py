@@ -12,7 +12,7 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-__all__ = ["Piece", "Schedule", "longest_path_s", "makespan", "one_after_another"]
+__all__ = ["Piece", "Schedule", "chains", "longest_path_s", "makespan", "one_after_another"]
 
 
 Name = TypeVar("Name", bound=Hashable)
@@ -89,12 +89,12 @@ def makespan(
     if workers < 1 or driver_s < 0:
         msg = f"workers must be >= 1 and driver_s >= 0, got {workers!r} and {driver_s!r}"
         raise ValueError(msg)
-    chains = _chains(pieces)
+    ranks = chains(pieces)
     place = {name: number for number, name in enumerate(pieces)}
     waiting = {name: len(set(piece.needs)) for name, piece in pieces.items()}
     after = _after(pieces)
     ready = [
-        (-chains[name] if longest_first else 0.0, place[name], name)
+        (-ranks[name] if longest_first else 0.0, place[name], name)
         for name in pieces
         if not waiting[name]
     ]
@@ -117,10 +117,10 @@ def makespan(
             for other in after[name]:
                 waiting[other] -= 1
                 if not waiting[other]:
-                    rank = -chains[other] if longest_first else 0.0
+                    rank = -ranks[other] if longest_first else 0.0
                     heapq.heappush(ready, (rank, place[other], other))
     work = sum(piece.seconds for piece in pieces.values())
-    bound = max(work / workers, max(chains.values(), default=0.0), driver_s * len(pieces))
+    bound = max(work / workers, max(ranks.values(), default=0.0), driver_s * len(pieces))
     return Schedule(
         seconds=now, work_s=work, bound_s=bound, busy=work / (workers * now) if now else 1.0
     )
@@ -158,7 +158,7 @@ def longest_path_s(pieces: Mapping[Name, Piece]) -> float:
         >>> longest_path_s({"a": Piece(seconds=2.0), "b": Piece(seconds=1.0, needs=("a",))})
         3.0
     """
-    return max(_chains(pieces).values(), default=0.0)
+    return max(chains(pieces).values(), default=0.0)
 
 
 def _after(pieces: Mapping[Name, Piece]) -> dict[Name, list[Name]]:
@@ -172,20 +172,20 @@ def _after(pieces: Mapping[Name, Piece]) -> dict[Name, list[Name]]:
     return after
 
 
-def _chains(pieces: Mapping[Name, Piece]) -> dict[Name, float]:
+def chains(pieces: Mapping[Name, Piece]) -> dict[Name, float]:
     """Return how long the longest chain is that begins with each piece."""
     after = _after(pieces)
     left = {name: len(followers) for name, followers in after.items()}
     ends = [name for name, count in left.items() if not count]
-    chains: dict[Name, float] = {}
+    found: dict[Name, float] = {}
     while ends:
         name = ends.pop()
-        chains[name] = pieces[name].seconds + max((chains[a] for a in after[name]), default=0.0)
+        found[name] = pieces[name].seconds + max((found[a] for a in after[name]), default=0.0)
         for need in set(pieces[name].needs):
             left[need] -= 1
             if not left[need]:
                 ends.append(need)
-    if len(chains) < len(pieces):
-        msg = f"needs must not go round in circles, got {sorted(map(str, pieces.keys() - chains))}"
+    if len(found) < len(pieces):
+        msg = f"needs must not go round in circles, got {sorted(map(str, pieces.keys() - found))}"
         raise ValueError(msg)
-    return chains
+    return found

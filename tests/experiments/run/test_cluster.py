@@ -9,6 +9,7 @@ import threading
 import time
 from collections import Counter
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from shutil import copytree, ignore_patterns
 
@@ -19,11 +20,32 @@ import pytest
 from cpl.cli import main
 from cpl.experiments.run.publication import job, run_job
 from cpl.store import WorkStore, project_root
-from cpl.sweep import CodeMismatchError, WorkersLostError, sweep
+from cpl.sweep import CodeMismatchError, Task, WorkersLostError, sweep
 
 NOWHERE = "tcp://127.0.0.1:1"  # nothing listens there
 KEY = "0" * 64
 ALONE = ("--nthreads", "1", "--no-nanny", "--no-dashboard")
+
+
+def swept(function, shards, *, store, **words):
+    """Sweep tasks that need nothing of each other, and return their tables."""
+    tasks = {
+        name: Task(
+            call=partial(alone, function, shard), stage="toy", name=name, origin="cpl.sweep",
+            key=partial(constant, KEY),
+        )
+        for name, shard in shards.items()
+    }  # fmt: skip
+    done = {one.task: one.table for one in sweep(tasks, store=store, quiet=True, **words)}
+    return {name: done[name] for name in shards}
+
+
+def alone(function, shard, _inputs) -> pd.DataFrame:
+    return function(shard)
+
+
+def constant(key, _digests) -> str:
+    return key
 
 
 def traced(shard: tuple[int, str]) -> pd.DataFrame:
@@ -145,9 +167,9 @@ def test_a_single_worker_does_the_work_not_the_driver(there, tmp_path):
     shards = {f"part-{n}": (n, str(marks)) for n in range(3)}
     with scheduler(tmp_path) as (address, told), worker(told, tmp_path) as only:
         wait_for(address, 1)
-        sweep(
-            traced, shards, stage="toy", key=KEY, origin="cpl.sweep", store=there,
-            cluster=address, quiet=True,
+        swept(
+            traced, shards, store=there,
+            cluster=address,
         )  # fmt: skip
     assert {mark.suffix for mark in marks.iterdir()} == {f".{only.pid}"}
 
@@ -155,9 +177,8 @@ def test_a_single_worker_does_the_work_not_the_driver(there, tmp_path):
 def test_a_cluster_without_a_worker_is_named(there, tmp_path, monkeypatch):
     monkeypatch.setattr("cpl.sweep._WORKER_WAIT_S", 0.2)
     with scheduler(tmp_path) as (address, _), pytest.raises(TimeoutError, match="no worker"):
-        sweep(
-            traced, {"one": (0, str(tmp_path))}, stage="toy", key=KEY, origin="cpl.sweep",
-            store=there, cluster=address, quiet=True,
+        swept(
+            traced, {"one": (0, str(tmp_path))}, store=there, cluster=address,
         )  # fmt: skip
 
 
@@ -172,9 +193,9 @@ def test_a_shard_that_kills_its_worker_is_given_up(there, tmp_path, monkeypatch)
     with scheduler(tmp_path) as (address, told), worker(told, tmp_path):
         wait_for(address, 1)
         with pytest.raises(WorkersLostError, match="died"):
-            sweep(
-                deadly, {"one": 0}, stage="toy", key=KEY, origin="cpl.sweep", store=there,
-                cluster=address, quiet=True,
+            swept(
+                deadly, {"one": 0}, store=there,
+                cluster=address,
             )  # fmt: skip
 
 
@@ -197,9 +218,9 @@ def test_a_scheduler_that_goes_away_ends_the_run_and_loses_nothing(there, tmp_pa
         killer = threading.Thread(target=strike)
         killer.start()
         with pytest.raises(ConnectionError, match="lost the scheduler"):
-            sweep(
-                traced, shards, stage="toy", key=KEY, origin="cpl.sweep", store=there,
-                cluster=address, quiet=True,
+            swept(
+                traced, shards, store=there,
+                cluster=address,
             )  # fmt: skip
         killer.join()
     assert len(there.shards("toy", KEY)) >= 3
@@ -226,12 +247,12 @@ def test_a_worker_killed_on_the_way_costs_only_its_shards(there, tmp_path):
 
         killer = threading.Thread(target=strike)
         killer.start()
-        outcome = sweep(
-            traced, shards, stage="toy", key=KEY, origin="cpl.sweep", store=there,
-            cluster=address, quiet=True,
+        tables = swept(
+            traced, shards, store=there,
+            cluster=address,
         )  # fmt: skip
         killer.join()
-    assert [int(t["square"].iloc[0]) for t in outcome.tables.values()] == [n**2 for n in range(16)]
+    assert [int(t["square"].iloc[0]) for t in tables.values()] == [n**2 for n in range(16)]
     runs = Counter(mark.stem for mark in marks.iterdir())
     pids = {mark.suffix for mark in marks.iterdir()}
     assert len(pids) == 2

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cpl.experiments.run import execute
+from cpl.experiments.run import graph
 from cpl.experiments.run import job as _job
 from cpl.experiments.run import publication as _machinery
 from cpl.experiments.run.job import job_of
@@ -56,7 +56,7 @@ def toys(monkeypatch, tmp_path):
         "proximity": Experiment(profiles={"paper": Base()}, run=make, **common),
         "pathwise": Experiment(profiles={"paper": Above()}, run=use, needs=needs, **common),
     }
-    for module in (_job, _machinery, execute):
+    for module in (_job, _machinery, graph):
         monkeypatch.setattr(module, "experiment", known.__getitem__)
     results = tmp_path / "data" / "results"
     for module in ("published", "paths"):
