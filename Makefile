@@ -1,12 +1,13 @@
 # The project's commands. Each one sets up what it needs; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help venv book course test check fresh faults recordings bench lint lab clean
+.PHONY: help venv book course test check fresh faults recordings bench pins lint lab clean
 
 # The first of these that runs and can make an environment; `make venv SYSTEM_PYTHON=...` takes another.
 PYTHONS := python3.11 python3.12 python3.13
 SYSTEM_PYTHON ?= $(firstword $(foreach python,$(PYTHONS),$(if $(shell $(python) -c 'import ensurepip, venv' 2>/dev/null && echo yes),$(python))))
 BIN := .venv/bin
-PIP := $(BIN)/python -m pip --disable-pip-version-check -qq install -c constraints.txt
+PIP := $(BIN)/python -m pip --disable-pip-version-check -qq install
+SYSTEM := "import sys, sysconfig as s; print('%s-%d.%d' % (s.get_platform(), *sys.version_info[:2]))"
 ENV := .venv/.installed
 # What the long suites open in a browser; `make check SITE=` takes the site that is there.
 SITE := book
@@ -45,6 +46,9 @@ recordings: $(ENV)  ## fetch recordings of real machines, by name and hash, into
 bench: $(ENV) .venv/.bench  ## measure speed beside other packages, into _build/bench.json
 	@$(BIN)/python -m tests.bench
 
+pins: $(ENV)  ## write the hashes of what is installed here into pins/
+	@$(BIN)/python -m tests.pins
+
 lint: $(ENV)  ## mend style and show what is left
 	@$(BIN)/ruff format -q cpl tests book
 	@$(BIN)/ruff check --fix cpl tests book
@@ -64,9 +68,18 @@ $(ENV): pyproject.toml constraints.txt
 	  { echo "make needs one of $(PYTHONS) with venv; Debian and Ubuntu call it python3-venv" >&2; exit 2; }
 	@test -x $(BIN)/python || $(SYSTEM_PYTHON) -m venv .venv
 	@echo "installing the pinned versions into .venv (minutes, once)"
-	@$(PIP) -e ".[book,test]"
+	@$(PIP) -c constraints.txt --no-deps torch
+	@$(call hashed,)
+	@$(PIP) -c constraints.txt --no-build-isolation -e ".[book,test]"
 	@touch $@
 
+# Where hashes are kept for this system and Python, a file with another content is refused; `make pins`
+# writes them. torch is excepted: it is taken in the build that this machine has.
+hashed = pins=pins/$$($(BIN)/python -c $(SYSTEM))$(1).txt; \
+  if test -f "$$pins"; then $(PIP) --no-deps --require-hashes -r "$$pins"; \
+  else $(PIP) -c constraints.txt setuptools; fi
+
 .venv/.%: $(ENV)
-	@$(PIP) -e ".[$*]"
+	@$(call hashed,-$*)
+	@$(PIP) -c constraints.txt --no-build-isolation -e ".[$*]"
 	@touch $@
