@@ -24,9 +24,7 @@ __all__ = ["GROUPS", "lines", "main", "pins_path"]
 
 GROUPS = {"": "book,test", "-browser": "browser"}
 """The end of a file's name, and the extras of cpl that it holds."""
-HEAD = (
-    "# Made by `make pins`: what [{extras}] installs on {system}; torch has no hash, see Makefile."
-)
+HEAD = "# Made by `make pins`: [{extras}] on {system}. torch is left out, see the Makefile."
 
 
 def pins_path(group: str = "", root: Path | None = None) -> Path:

@@ -23,6 +23,13 @@ def test_the_devcontainer_builds_with_a_command_of_the_makefile():
     assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(), re.MULTILINE)
 
 
+def test_the_devcontainer_has_an_ordinary_user():
+    told = json.loads((ROOT / ".devcontainer" / "devcontainer.json").read_text())
+    dockerfile = (ROOT / ".devcontainer" / "Dockerfile").read_text()
+    assert f"useradd --create-home --shell /bin/bash {told['remoteUser']}\n" in dockerfile
+    assert dockerfile.splitlines()[-1] == f"USER {told['remoteUser']}"
+
+
 def test_images_are_of_the_python_that_the_versions_are_pinned_for():
     python = re.search(r"Python (\d\.\d+)", (ROOT / "constraints.txt").read_text())[1]
     first = (ROOT / ".devcontainer" / "Dockerfile").read_text().splitlines()[0]
