@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from cpl.claims.row import ClaimsTable, MachinesTable, Row, TwinTable
+    from cpl.claims.row import ClaimsTable, EffectsTable, MachinesTable, Row, TwinTable
     from cpl.claims.sheet import Sheet
 
 __all__ = [
@@ -27,6 +27,7 @@ __all__ = [
     "ledger",
     "machines_table",
     "own",
+    "readings",
     "sheet",
     "table",
     "twin_table",
@@ -101,6 +102,24 @@ def sheet(*rows: int) -> Sheet:
     from cpl.claims.sheet import Sheet as _Sheet
 
     return _Sheet(table(*rows).rows)
+
+
+def readings(row: int) -> EffectsTable:
+    """Show a row's effects by the readings of its words, with its controls beside them.
+
+    Args:
+        row: A row whose conditions are named ``over whom: reading``, such as 20.
+
+    Raises:
+        ValueError: If there is no such row, or it has no readings.
+    """
+    from cpl.claims.row import EffectsTable as _EffectsTable
+
+    (one,) = table(row).rows
+    effects = (*one.conditions, *one.beside)
+    if not effects or not all(": " in effect.name for effect in effects):
+        raise ValueError(f"row must have readings, got {row!r}")
+    return _EffectsTable(effects, "collisions, speed")
 
 
 def discussed_in(chapter: str) -> tuple[int, ...]:

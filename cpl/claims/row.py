@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["ClaimsTable", "Effect", "MachinesTable", "Row", "TwinTable"]
+__all__ = ["ClaimsTable", "Effect", "EffectsTable", "MachinesTable", "Row", "TwinTable"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,6 +108,28 @@ class ClaimsTable:
 
 
 @dataclass(frozen=True)
+class EffectsTable:
+    """Effects named ``column: line``, side by side, as a Markdown table."""
+
+    effects: tuple[Effect, ...]
+    corner: str
+
+    def _repr_markdown_(self) -> str:
+        return str(self)
+
+    def __str__(self) -> str:
+        cells = {tuple(one.name.split(": ", 1)[::-1]): _cell(one) for one in self.effects}
+        lines, columns = (list(dict.fromkeys(key[k] for key in cells)) for k in (0, 1))
+        head = f"| {self.corner} | " + " | ".join(columns) + " |"
+        rule = "|:---|" + "---:|" * len(columns)
+        body = [
+            f"| {line} | " + " | ".join(cells.get((line, column), "") for column in columns) + " |"
+            for line in lines
+        ]
+        return "\n".join([head, rule, *body])
+
+
+@dataclass(frozen=True)
 class TwinTable:
     """Rows that need the robot, with what the twin shows, as a Markdown table."""
 
@@ -141,6 +163,10 @@ def _line(row: Row) -> str:
     marks = f" ({', '.join(row.flags)})" if row.flags and row.verdict not in row.flags else ""
     cells = [str(row.row), row.claim, row.paper_value or "", ours, interval, row.verdict + marks]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _cell(one: Effect) -> str:
+    return f"{one.value:+.2f} ({one.low:+.2f} to {one.high:+.2f})"
 
 
 def _twin_line(row: Row) -> str:

@@ -5,8 +5,8 @@ import re
 
 import pytest
 
-from cpl.claims import sheet
-from cpl.claims.row import Effect, Row
+from cpl.claims import readings, sheet
+from cpl.claims.row import Effect, EffectsTable, Row
 from cpl.claims.sheet import Sheet, claim_graph, claims_file
 from cpl.claims.verdict import SIGNS, Verdict
 
@@ -63,3 +63,21 @@ def test_the_page_has_the_rows_that_it_is_asked_for():
     assert re.findall(r'id="claim-(\d+)"', sheet(1, 42)._repr_html_()) == ["1", "42"]
     with pytest.raises(ValueError, match="got 0"):
         sheet(0)
+
+
+def test_readings_stand_side_by_side():
+    effects = tuple(
+        Effect(name=f"over {who}: {how}", value=1.0, low=0.5, high=1.5, needed=0.7, verdict="holds")
+        for who, how in (("a", "per km"), ("b", "per km"), ("a", "per episode"))
+    )
+    assert str(EffectsTable(effects, "reading")).splitlines() == [
+        "| reading | over a | over b |",
+        "|:---|---:|---:|",
+        "| per km | +1.00 (+0.50 to +1.50) | +1.00 (+0.50 to +1.50) |",
+        "| per episode | +1.00 (+0.50 to +1.50) |  |",
+    ]
+
+
+def test_a_row_without_readings_has_no_such_table():
+    with pytest.raises(ValueError, match="got 42"):
+        readings(42)
