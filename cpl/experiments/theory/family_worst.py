@@ -14,11 +14,9 @@ from cpl.conformal.attack import attack, counts_worst, level_worst, shift
 from cpl.conformal.bounds import max_errors
 from cpl.conformal.family import ACI, COP, MEMBERS, UPOCP, CostAware
 from cpl.conformal.rules import Fixed, Rule
-from cpl.experiments.run.shard import Shard
+from cpl.experiments.run.spec import Experiment, Shard, grid
 
-__all__ = ["LABEL", "PROFILES", "Config", "run_shard", "shards"]
-
-LABEL = "exact"
+__all__ = ["EXPERIMENT", "PROFILES", "Config"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,12 +43,6 @@ PROFILES = {
     "book": Config(),
     "paper": Config(),
 }
-
-
-def shards(config: Config) -> list[Shard]:
-    """One member a shard."""
-    del config
-    return [Shard(name, {"member": name}) for name in MEMBERS]
 
 
 def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
@@ -82,6 +74,14 @@ def run_shard(config: Config, shard: Shard) -> pd.DataFrame:
     }
     floats = dict.fromkeys(("promised", "exact", "react", "forget"), "float64")
     return pd.DataFrame([row]).astype(floats)
+
+
+EXPERIMENT = Experiment(
+    run=run_shard,
+    profiles=PROFILES,
+    shards=grid("{member}", member=tuple(MEMBERS)),
+    label="exact",
+)
 
 
 def _promised(rule: Rule, alpha: float, W: int) -> int | None:
