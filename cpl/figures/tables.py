@@ -8,9 +8,11 @@ import numpy as np
 import pandas as pd
 
 from cpl.conformal.family import MEMBERS
+from cpl.figures.family import rates
 from cpl.figures.table import Table, table
+from cpl.store import read_published
 
-__all__ = ["members", "traps", "worst"]
+__all__ = ["loop", "members", "traps", "worst"]
 
 
 def members() -> Table:
@@ -65,3 +67,29 @@ def worst(rows: pd.DataFrame) -> Table:
 
 def _count(value: float, nothing: str) -> str:
     return nothing if np.isnan(value) else f"{value:.0f}"
+
+
+def loop(setting: str) -> Table:
+    """Return what everybody did in the loop, from `gate_family`; a line if it is not published.
+
+    Args:
+        setting: "gate" or "switch".
+    """
+    try:
+        streams, _ = read_published("gate_family", "paper")
+    except FileNotFoundError:
+        return Table("*The result of `gate_family` is not published yet.*")
+    found = rates(streams.query(f"setting == {setting!r}"), "method", "value")
+    found = found.sort_values("speed_mps")
+    found = found.assign(
+        value=["" if value == 0 else f"{value:g}" for value in found["value"]],
+        coverage=["" if np.isnan(share) else f"{share:.3f}" for share in found["coverage"]],
+    )
+    return table(
+        found,
+        {"crash_rate": "{:.3f}", "speed_mps": "{:.1f}", "episodes": "{:,}"},
+        columns={
+            "method": "who", "value": "setting", "episodes": "episodes",
+            "crash_rate": "crash rate", "speed_mps": "m/s", "coverage": "coverage",
+        },
+    )  # fmt: skip

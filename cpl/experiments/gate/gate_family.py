@@ -77,7 +77,7 @@ PROFILES = {
         margins=(0.0, 6.0), levels=(0.3, 0.9),
     ),
     "book": Config(pairs=1, streams=8, stay=1),
-    "paper": Config(pairs=8, streams=48),
+    "paper": Config(pairs=5, streams=48),
 }  # fmt: skip
 
 
