@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numba import njit, types
 
+from cpl.conformal._kernels import follow
 from cpl.highway.distances import proximities_range
 from cpl.highway.draws import seed_many
 from cpl.highway.engine import NOISE_KEY as _NOISE_KEY
 from cpl.highway.exact import OWN
 from cpl.highway.simulate import refresh_range, reset_range, step_range
-from cpl.wasm import ride
+from cpl.wasm import gate, ride
 from cpl.wasm._memory import bools, floats, longs, singles, unsigned, words
 
 __all__ = ["BLOCK", "EXPORTS", "NETWORKS", "RIDE"]
@@ -97,9 +98,11 @@ RIDE = (
     "road", "counts", "numbers", "rings", "history", "work", "width", "near",
     *(f"{name}_{part}" for name in NETWORKS for part in ("layers", "sizes", "numbers", "count",
     "output")),
+    "gate",
 )  # fmt: skip
 """What the words of a ride's block mean: its road's block, its arrays, and three networks."""
 _RIDE_WORDS = len(RIDE)
+_GATE_WORDS = len(gate.GATE)
 _COUNTS, _NUMBERS = len(ride.COUNTS), len(ride.NUMBERS)
 
 
@@ -107,6 +110,23 @@ _COUNTS, _NUMBERS = len(ride.COUNTS), len(ride.NUMBERS)
 def _network(r: np.ndarray, first: int) -> tuple:
     sizes = longs(r[first + 1], (np.int64(r[first]),))
     return sizes, singles(r[first + 2], (np.int64(r[first + 3]),)), np.int64(r[first + 4])
+
+
+@njit(**_OPTIONS)
+def _gate(r: np.ndarray) -> tuple:
+    """A gate's arrays, `gate.GATE`, by their addresses."""
+    a = words(r[23], (_GATE_WORDS,))
+    return (
+        floats(a[0], (5,)), floats(a[1], (15,)), floats(a[2], (2, 2, 2)), floats(a[3], (2,)),
+        floats(a[4], (1, 5)), floats(a[5], (1, 2)), longs(a[6], (1,)),
+        floats(a[7], (1, 3, 8, 3, 2)), longs(a[8], (1, 3, 8)), floats(a[9], (1, 8, 2)),
+        longs(a[10], (1, 8)), longs(a[11], (1,)), floats(a[12], (1, 3, 3)),
+        floats(a[13], (1, 8, 5)), floats(a[14], (8, 15, 2)), floats(a[15], (1, 5)),
+        floats(a[16], (1, 5)),
+        floats(a[17], (1, 5, 2)), floats(a[18], (1, 8, 3, 2)), longs(a[19], (1, 8)),
+        floats(a[20], (1, 3)), bools(a[21], (1, 3)), floats(a[22], (1,)), bools(a[23], (8,)),
+        longs(a[24], (8,)),
+    )  # fmt: skip
 
 
 @njit(**_OPTIONS)
@@ -121,14 +141,15 @@ def ride_begin(block: int, forget: int) -> None:
     """Begin an episode with the seed in the road's block; the tracker is kept unless forgotten."""
     r = words(block, (_RIDE_WORDS,))
     b = words(r[0], (_WORDS,))
-    road_seed(r[0], np.int32(-1))
-    road_seed(r[0], np.int32(_NOISE_KEY))
+    road_seed(r[0], -1)
+    road_seed(r[0], _NOISE_KEY)
     road_reset(r[0])
     size = np.int64(b[3]) * np.int64(b[4])
     i = longs(r[1], (_COUNTS,))
     x = floats(b[11], (12 * np.int64(b[1]),))
     history = singles(r[4], (i[2] * size,))
     ride.begin(i, floats(r[2], (_NUMBERS,)), history, _near(b, r), x[0], forget != 0)
+    gate.begin(_gate(r), forget != 0)
 
 
 @njit(**_INNER)
@@ -142,6 +163,7 @@ def ride_decide(block: int) -> None:
         i, floats(r[2], (_NUMBERS,)), floats(r[3], (3, i[4] + 1)),
         singles(r[4], (i[2] * size,)), singles(b[26], (size,)),
         _network(r, 8), _network(r, 13), _network(r, 18), singles(r[5], (2, np.int64(r[6]))),
+        _gate(r), floats(b[8], (1, np.int64(b[2]))),
     )  # fmt: skip
 
 
@@ -170,11 +192,28 @@ def ride_run(block: int) -> None:
         ride_act(block)
 
 
+def track(block: int, setting: int) -> None:
+    """Follow a stream.
+
+    The block has scores and their count, steps and their count, the ends of episodes and their
+    count, q and the delay; the setting alpha and q0, and takes the state after the last event.
+    """
+    b = words(block, (8,))
+    n, steps, ends = np.int64(b[1]), np.int64(b[3]), np.int64(b[5])
+    s = floats(setting, (3,))
+    stride = np.int64(1 if steps > 1 else 0)
+    s[2] = follow(
+        floats(b[0], (n,)), floats(b[2], (steps,)), stride, longs(b[4], (ends,)),
+        np.int64(b[7]), s[0], s[1], floats(b[6], (n,)),
+    )  # fmt: skip
+
+
 EXPORTS = {
     "road_seed": (road_seed, types.void(types.int32, types.int32)),
     "road_reset": (road_reset, types.void(types.int32)),
     "road_step": (road_step, types.void(types.int32)),
     "road_refresh": (road_refresh, types.void(types.int32)),
+    "track": (track, types.void(types.int32, types.int32)),
     "ride_begin": (ride_begin, types.void(types.int32, types.int32)),
     "ride_decide": (ride_decide, types.void(types.int32)),
     "ride_act": (ride_act, types.void(types.int32)),

@@ -15,7 +15,7 @@ from numba.np import arrayobj
 __all__ = ["bools", "floats", "longs", "singles", "unsigned", "words"]
 
 
-def _view_of(kind: types.Type) -> Any:  # noqa: ANN401
+def _view_of(kind: Any) -> Any:  # noqa: ANN401
     def view(typing_context, address, shape):  # noqa: ANN001, ANN202
         result = types.Array(kind, len(shape), "C")
 

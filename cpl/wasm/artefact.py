@@ -14,6 +14,7 @@ from cpl.store.source import module_digests
 __all__ = ["AGREEMENT", "MODULE", "make", "module_bytes", "note", "sources", "stale"]
 
 MODULE = data_path("wasm", "road.wasm")
+_TRACKER = "cpl.conformal._kernels"  # of its room the only module that is compiled in
 _NOTE = MODULE.with_suffix(".json")
 _TOOLS = ("numba", "llvmlite", "ziglang")
 
@@ -82,4 +83,6 @@ def _compiled(root: Path, name: str) -> bool:
     file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
     text = file.read_text(encoding="utf-8")
     compiled = "njit(" in text or "cpl.highway._compile import" in text
-    return name != __name__ and (compiled or name.startswith("cpl.wasm."))
+    if name == __name__ or (name.startswith("cpl.conformal.") and name != _TRACKER):
+        return False
+    return compiled or name.startswith("cpl.wasm.")

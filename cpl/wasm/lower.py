@@ -2,7 +2,7 @@
 
 numba types and lowers the same functions that the native engine runs; what it hands to LLVM is
 taken before it is optimised for this machine's processor, given to the wasm32 target, and linked.
-The module imports nothing: no libm, no memory, no allocator.
+The module imports nothing: no libm, no memory, no allocator. Where numba would raise it traps.
 """
 
 from __future__ import annotations
@@ -13,10 +13,12 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import llvmlite.binding as llvm
 from numba import cfunc, types
 
+from cpl import portable
 from cpl.wasm._exports import EXPORTS
 from cpl.wasm.softfloat import fused, remainder
 
@@ -27,10 +29,22 @@ _LAYOUT = "e-m:e-p:32:32-p10:8:8-p20:8:8-i64:64-i128:128-n32:64-S128-ni:1:10:20"
 _FEATURES = "+simd128,+bulk-memory,+sign-ext,+nontrapping-fptoint"
 _STACK = 1 << 16  # [bytes]
 # numba's own optimiser would write this machine's vectors into the code; its cache may hold such.
+# What a libm would be asked for: the gate's kernels ask it natively, here cpl.portable answers.
+_LIBM = ("sin", "cos", "tan", "asin", "atan", "exp", "log")
+_OPTIONS: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}  # as the kernels are compiled
+# Where a kernel would raise, numba asks Python first: here it is the end.
+_TRAP = """
+declare void @llvm.trap()
+define void @numba_gil_ensure(ptr %state) alwaysinline noreturn {
+  call void @llvm.trap()
+  unreachable
+}
+"""
 _INLINED = "softfloat5fused"  # part of the mangled name
 _PRIVATE = {
     "cpl_fma": (fused, types.float64(*[types.float64] * 3)),
     "cpl_fmod": (remainder, types.float64(*[types.float64] * 2)),
+    **{name: (getattr(portable, name), types.float64(types.float64)) for name in _LIBM},
 }
 _SETTINGS = {
     "NUMBA_OPT": "0",
@@ -66,11 +80,12 @@ def lowered() -> tuple[bytes, list[str]]:
     """
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
-    module = llvm.parse_assembly(f'target triple = "{_TRIPLE}"\ntarget datalayout = "{_LAYOUT}"')
+    head = f'target triple = "{_TRIPLE}"\ntarget datalayout = "{_LAYOUT}"\n'
+    module = llvm.parse_assembly(head + _TRAP)
     wanted = {**EXPORTS, **_PRIVATE}
     for name, (function, signature) in wanted.items():
         plain = getattr(function, "py_func", function)
-        compiled = cfunc(signature, _nrt=False, error_model="numpy")(plain)
+        compiled = cfunc(signature, **_OPTIONS)(plain)
         part = llvm.parse_assembly(_neutral(compiled.inspect_llvm(), compiled.native_name, name))
         for other in part.functions:
             if not other.is_declaration and other.name != name:
@@ -96,6 +111,7 @@ def _neutral(text: str, native: str, name: str) -> str:
     text = re.sub(r'"(target-cpu|target-features|tune-cpu|probe-stack)"="[^"]*"', "", text)
     text = text.replace("= common ", "= internal ").replace("noinline", "nounwind")
     text = text.replace("@llvm.fma.f64", "@cpl_fma")
+    text = re.sub(rf"@llvm\.({'|'.join(_LIBM)})\.f64", r"@\1", text)
     operands = r"frem double ([^,]+), ([^\s,]+)"
     text, remainders = re.subn(operands, r"call double @cpl_fmod(double \1, double \2)", text)
     if remainders:

@@ -10,10 +10,11 @@ import numpy as np
 from numba import njit
 
 from cpl.network import forward
+from cpl.wasm import gate
 
 __all__ = ["COUNTS", "DRIVERS", "NUMBERS", "begin", "decide", "learn"]
 
-DRIVERS = ("safe", "speed", "switch", "no quantile", "reader")
+DRIVERS = ("safe", "speed", "switch", "no quantile", "reader", "gate")
 """Who chooses, by number; the reader's action is written into the counts from outside."""
 
 COUNTS = (
@@ -29,7 +30,7 @@ NUMBERS = (
 """Floats of a ride: three settings, the tracker, what is known now, and sums."""
 
 _OPTIONS: dict[str, Any] = {"_nrt": False, "error_model": "numpy", "forceinline": True}
-_SAFE, _SPEED, _SWITCH, _NO_QUANTILE, _READER = range(5)
+_SAFE, _SPEED, _SWITCH, _NO_QUANTILE, _READER, _GATE = range(6)
 
 
 @njit(**_OPTIONS)
@@ -59,6 +60,8 @@ def decide(
     safe: tuple,
     speed: tuple,
     work: np.ndarray,
+    looking: Any,  # noqa: ANN401
+    levels: np.ndarray,
 ) -> None:
     """Remember the observation, forecast, and let the driver choose."""
     width, length = obs.size, i[2]
@@ -79,6 +82,8 @@ def decide(
         careful = l_hat + u >= f[2] or not ready
     if i[0] != _READER:
         i[16] = _liked(safe if careful else speed, obs, work)
+    if i[0] == _GATE:
+        i[16] = gate.choose(looking, obs, levels, work[0])
     i[7] += careful
     if i[5] > 0 and careful != (i[6] != 0):
         i[8] += 1

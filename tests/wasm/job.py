@@ -9,7 +9,7 @@ from cpl.highway import Engine
 from cpl.highway.engine import NOISE_KEY
 from cpl.highway.layout import Codes, Fields
 from cpl.network import packed
-from cpl.wasm import MODULE
+from cpl.wasm import MODULE, gate
 from cpl.wasm._exports import BLOCK, NETWORKS
 from cpl.wasm.ride import COUNTS, DRIVERS, NUMBERS
 from tests.node import node
@@ -159,6 +159,8 @@ class Ride:
         for name in NETWORKS:
             sizes, values, output = packed(networks[name])
             words += [len(sizes), job.place(sizes), job.place(values), len(values), output]
+        self.gate = {name: job.place(array) for name, array in gate.arrays().items()}
+        words.append(job.place(np.array(list(self.gate.values()), np.int32)))
         self.block = job.place(np.array(words, np.int32))
 
     def drive(self, seed, forget=True):

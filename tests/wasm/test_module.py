@@ -8,16 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cpl.conformal import RunningMax
+from cpl.conformal import Fixed, RunningMax
+from cpl.conformal._kernels import follow
 from cpl.experiments.switch.anywhere import Config
 from cpl.forecast.methods import Plain
+from cpl.highway import Engine
 from cpl.network import Portable, decode_networks
 from cpl.policies.controls import Always
 from cpl.policies.evaluate import Drivers, Tracking, drive
+from cpl.policies.gate import Gate, Tracked
 from cpl.policies.greedy import Greedy
 from cpl.policies.switch import Switch
 from cpl.store import data_path, project_root
-from cpl.wasm import MODULE, module_bytes, stale
+from cpl.wasm import MODULE, gate, module_bytes, stale
 from tests.node import node
 from tests.wasm import golden
 from tests.wasm.job import Job, Ride, Roads, row
@@ -122,6 +125,49 @@ def test_a_threshold_that_is_carried_over_is_drives(networks, tmp_path):
     for number, seed in enumerate(table["seed"]):
         ride.drive(seed, forget=number == 0)
     _compare(job.run(tmp_path), table)
+
+
+def test_the_gate_decides_as_the_package_does(networks, tmp_path):
+    config, seeds = Config(), range(20_000_000, 20_000_006)
+    fast = Greedy(Portable.of(networks["speed"]))
+    job = Job()
+    ride = _ride(job, config, networks, "gate")
+    tracked, expected = [], []
+    for seed in seeds:
+        margin = Tracked(Fixed(eta=gate.ETA), 1, alpha=gate.ALPHA, q0=gate.Q0, memory=gate.MEMORY)
+        own, engine = Gate(config.road(), 1, margin), Engine(config.road(), 1, path="own")
+        own.begin()
+        obs, steps = engine.reset([seed]), 0
+        while True:
+            out = engine.step(own(obs, fast.values(obs)))
+            obs, steps = out.obs, steps + 1
+            if out.terminated[0] or out.truncated[0]:
+                break
+        expected.append((steps, bool(out.terminated[0]), float(engine.state().x[0, 0])))
+        tracked.append([float(margin.tracker.q[0]), float(margin.scale[0])])
+        ride.drive(seed)
+        job.steps.append(["take", ride.gate["tracked"], 16])
+    found = job.run(tmp_path)
+    for k, (steps, crashed, x) in enumerate(expected):
+        got = row(found[3 * k], found[3 * k + 1])
+        assert (got["steps"], got["crashed"]) == (steps, crashed)
+        assert got["start_x"] + got["distance_m"] == pytest.approx(x, abs=1e-9)
+        margin = np.array(found[3 * k + 2], np.uint8).view(np.float64)
+        np.testing.assert_allclose(margin, tracked[k], rtol=1e-9)
+
+
+def test_the_tracker_follows_a_stream_bit_for_bit(tmp_path):
+    scores = np.random.default_rng(0).uniform(0, 1, 500)
+    for rule, delay in ((Fixed(eta=0.05), 1), (RunningMax(c=0.1), 3)):
+        steps, ends = rule.steps(scores[None])[0], np.array([200, 500])
+        expected, setting = np.empty(500), np.array([0.1, 0.0, 0.0])
+        follow(scores, steps, int(len(steps) > 1), ends, delay, 0.1, 0.0, expected)
+        job = Job()
+        q = job.place(np.zeros(500))
+        words = [job.place(scores), 500, job.place(steps), len(steps), job.place(ends), 2, q, delay]
+        job.call("track", job.place(np.array(words, np.int32)), job.place(setting))
+        job.read(q, expected, "q")
+        assert job.differences(job.run(tmp_path)) == []
 
 
 @pytest.mark.oracle

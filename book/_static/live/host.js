@@ -137,7 +137,9 @@
         const history = machine.room(4 * 5 * tab.words[3] * tab.words[4]);
         const work = machine.room(8 * pair.width);
         const words = [this.road.block, this.counts, this.numbers, rings, history, work, pair.width, f8(1)];
-        this.block = machine.words([...words, ...pair.words]);
+        this.gate = {};
+        const gate = tab.gate.map(({ name, kind, size, data }) => (this.gate[name] = machine.put(data ? bytesOf(data) : new Uint8Array(size * KINDS[kind].BYTES_PER_ELEMENT))));
+        this.block = machine.words([...words, ...pair.words, machine.words(gate)]);
         this.set("driver", tab.drivers.indexOf(settings.driver));
         for (const [name, value] of Object.entries({ running: settings.running ? 1 : 0, length: 5, horizon: 3, delay })) this.set(name, value);
         for (const [name, value] of Object.entries({ alpha: settings.alpha, share: settings.step, q_safe: settings.q_safe })) this.set(name, value);

@@ -221,6 +221,8 @@ def associate(  # noqa: C901 - one loop, compiled as one
     gains: np.ndarray,
     fresh: np.ndarray,
     identity: np.ndarray,
+    taken: np.ndarray,
+    missing: np.ndarray,
 ) -> None:
     """Say which car each row shows, and keep cars that are not seen for a while.
 
@@ -245,10 +247,10 @@ def associate(  # noqa: C901 - one loop, compiled as one
             what place and speed are off, (2, 2, 2); ones on the diagonal for no filter.
         fresh: The next unused identity, (n,), changed.
         identity: (n, m), filled.
+        taken: Working memory, bool (m,).
+        missing: Working memory, int64 (m,).
     """
     n, m = cars.shape[0], cars.shape[1]
-    taken = np.empty(m, np.bool_)
-    missing = np.empty(m, np.int64)
     for e in range(n):
         vx, vy = ego[e, 2] * math.cos(ego[e, 1]), ego[e, 2] * math.sin(ego[e, 1])
         taken[:] = False

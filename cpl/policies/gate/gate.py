@@ -89,6 +89,7 @@ class Gate:
         self._velocity = np.zeros((n, m, 2))
         self._unseen = np.zeros((n, m), np.int64)
         self._issued = np.zeros((n, h, margin.width))
+        self._work = np.empty(m, np.bool_), np.empty(m, np.int64)
         self.sight: Sight | None = None
 
     def begin(self, chosen: Bools | None = None, levels: ArrayLike | None = None) -> None:
@@ -180,7 +181,7 @@ class Gate:
         _kernels.associate(
             cars, self._seen, self._ego, self._place, self._age, self._past, self._past_id,
             self._velocity, self._unseen, c.memory, c.radius, c.weight, self._gains,
-            self._fresh, identity,
+            self._fresh, identity, *self._work,
         )  # fmt: skip
         _kernels.score(
             cars, self._seen, self._place, self._age, self._past, self._past_id, identity,

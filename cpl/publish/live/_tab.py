@@ -18,7 +18,7 @@ from cpl.highway.layout import Settings, allocate
 from cpl.network import decode_networks, packed
 from cpl.publish.live._script import as_script
 from cpl.store import data_path
-from cpl.wasm import AGREEMENT, BLOCK, NETWORKS, RIDE, module_bytes, note
+from cpl.wasm import AGREEMENT, BLOCK, NETWORKS, RIDE, gate, module_bytes, note
 from cpl.wasm.ride import COUNTS, DRIVERS, NUMBERS
 
 __all__ = ["PAIRS", "tab_scripts"]
@@ -64,6 +64,7 @@ def _module() -> dict[str, Any]:
         },
         "words": _words(),
         "arrays": list(_arrays()),
+        "gate": [_array(name, array) for name, array in gate.arrays().items()],
     }
 
 
@@ -92,9 +93,12 @@ def _arrays() -> Iterator[dict[str, Any]]:
         "seeds": np.zeros(1, np.uint64),
     }
     for name in BLOCK[6:]:
-        array = np.ascontiguousarray(known[name])
-        content = {"data": _text(array.tobytes())} if array.any() else {}
-        yield {"name": name, "kind": _KINDS[array.dtype.name], "size": array.size, **content}
+        yield _array(name, known[name])
+
+
+def _array(name: str, array: np.ndarray) -> dict[str, Any]:
+    content = {"data": _text(array.tobytes())} if array.any() else {}
+    return {"name": name, "kind": _KINDS[array.dtype.name], "size": array.size, **content}
 
 
 def _pair(pair: int) -> dict[str, Any]:
