@@ -148,10 +148,13 @@ def _row(claim: Claim, root: Path | None) -> Row:
 
     def answer(rule: Callable[[Reader], _Answer] | None) -> _Answer | None:
         nonlocal missing
+        before = dict(seen)
         try:
             return rule(read) if rule else None
         except FileNotFoundError:
             missing = True
+            seen.clear()
+            seen.update(before)  # an answer that failed rests on nothing
             return None
 
     before = first_edition().get(claim.row)
@@ -181,7 +184,7 @@ def _row(claim: Claim, root: Path | None) -> Row:
         order=came_first(claim, list(seen.values())) if found else "",
         before=before.verdict if before else None,
         revised=claim.revised,
-        computed_from=() if missing else tuple(_named(manifest) for manifest in seen.values()),
+        computed_from=tuple(_named(manifest) for manifest in seen.values()),
         in_the_twin=str(leaning) if leaning else None,
         on_other_machines=str(elsewhere) if elsewhere else None,
     )

@@ -16,6 +16,7 @@ FIELDS = [
     "row", "claim", "paper_value", "value", "low", "high", "n", "n_seeds", "rule", "verdict",
     "flags", "chapter", "computed_from", "where", "formula", "unit", "margin", "conditions",
     "beside", "would_change", "seeds_needed", "order", "before", "revised", "in_the_twin",
+    "on_other_machines",
 ]  # fmt: skip
 PAPERS = {row: claim for row, claim in claims().items() if not claim.ours}
 # What was committed to: `cpl claims --accept` is how a verdict is changed on purpose.
