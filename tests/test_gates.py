@@ -3,10 +3,13 @@
 import os
 import subprocess
 import sys
+from functools import cache
+from graphlib import TopologicalSorter
+from pathlib import Path
 
 import pytest
 
-from cpl.store import project_root
+from cpl.store import cpl_imports, project_root
 
 TEXTS = (
     "README.md",
@@ -58,6 +61,50 @@ def test_no_room_imports_a_floor_above_it():
             check=False,
         )
     )
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """Return the files of the package by the dotted names of what they define."""
+    root = project_root()
+    found = {}
+    for path in (root / "cpl").rglob("*.py"):
+        parts = path.relative_to(root).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+@cache
+def imported(name: str, path: Path) -> set[str]:
+    """Return the modules of the package that one imports, also inside functions."""
+    here = modules()
+    named = cpl_imports(path.read_text(encoding="utf-8"))
+    return {other for other in named if other in here and other != name}
+
+
+def room(name: str) -> list[str]:
+    """Return the room that a module is in; a question's folder is one of its own."""
+    parts = name.split(".")
+    return parts[: 3 if parts[1:2] == ["experiments"] else 2]
+
+
+def test_no_private_module_is_imported_from_another_room():
+    wrong = [
+        f"{name} imports {other}"
+        for name, path in modules().items()
+        for other in imported(name, path)
+        if any(part[0] == "_" and part[:2] != "__" for part in other.split("."))
+        and room(name) != room(other)
+    ]
+    assert not wrong
+
+
+def test_no_module_imports_itself_by_way_of_others():
+    # What a package's face imports when it is asked is no part of importing what lies below it.
+    graph = {
+        name: imported(name, path) for name, path in modules().items() if path.name != "__init__.py"
+    }
+    TopologicalSorter(graph).prepare()
 
 
 def test_nothing_is_misspelt():

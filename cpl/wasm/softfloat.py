@@ -4,7 +4,7 @@ from typing import Any
 
 from numba import njit
 
-from cpl.highway._compile import bits_of, float_of
+from cpl.highway.exact import bits_of, float_of
 
 __all__ = ["fused", "remainder"]
 
