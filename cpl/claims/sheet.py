@@ -105,7 +105,8 @@ def _row(row: Row) -> str:
         f'<span class="claim-text">{escape(row.claim)}</span> '
         f'<span class="verdict verdict-{kind}">{sign} {escape(row.verdict)}</span> '
         f'<span class="claim-value">{_number(row)}</span></summary>'
-        f'<p class="claim-formula">\\({escape(row.formula)}\\)</p>'
+        '<p class="claim-formula"><span class="math notranslate nohighlight">'
+        f"\\({escape(row.formula)}\\)</span></p>"
         f"<dl>{_facts(row)}</dl>{_effects('What decides', row.conditions)}"
         f"{_effects('Beside it, deciding nothing', row.beside)}</details>"
     )
