@@ -87,13 +87,13 @@ class Counts:
         measured = any(row.get("worst_mb") is not None for row in rows)
         return table(rows, columns=_HEADS | (_WORST if measured else {}))
 
-    def worst(self, topic: str) -> tuple[float, float]:
-        """Return the most memory [MB] and processor time [s] that one attempt of a topic took."""
+    def worst(self, topic: str) -> str:
+        """Say the most memory [MB] and processor time [s] that one attempt of a topic took."""
         rows = self.topics[topic]["rows"] if topic in self.topics else []
-        return (
-            max((row.get("worst_mb") or 0.0 for row in rows), default=0.0),
-            max((row.get("worst_s") or 0.0 for row in rows), default=0.0),
-        )
+        if not rows:
+            return "None of them was counted with this edition."
+        most_mb, most_s = (max(row.get(n) or 0.0 for row in rows) for n in ("worst_mb", "worst_s"))
+        return f"The most that one of them took was {most_mb:.0f} MB and {most_s:.1f} s."
 
 
 def read(path: Path) -> Counts:
