@@ -220,7 +220,7 @@
 
     function pause() {
       state.playing = false;
-      play.textContent = state.pace === "step" ? "Next second" : "Drive";
+      play.textContent = state.pace === "step" && state.all ? "Next second" : "Drive";
     }
 
     function tick(clock) {
