@@ -12,10 +12,11 @@ from itertools import groupby
 
 from cpl.experiments.run.attestation import Attestation
 from cpl.experiments.run.costs import piece_seconds
+from cpl.experiments.run.found import names
 from cpl.experiments.run.publication import verify_pieces
 from cpl.experiments.run.result import Report
 from cpl.rng import stream
-from cpl.store import Manifest, manifests, read_manifest
+from cpl.store import DamagedResultError, Manifest, manifests, read_manifest
 
 __all__ = ["Coverage", "Piece", "coverage", "examine", "pending", "plan", "results"]
 
@@ -161,6 +162,8 @@ def coverage(every: Sequence[Sequence[Piece]], now: int) -> Coverage:
 
 
 def _pieces(manifest: Manifest) -> list[Piece]:
+    if manifest.experiment not in names():
+        raise DamagedResultError(f"nothing computes the published result {manifest.experiment!r}")
     cost = piece_seconds(manifest)
     return [
         Piece(manifest=manifest, name=one.name, rows=one.rows, seconds=cost[one.name])
