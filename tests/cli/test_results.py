@@ -60,7 +60,7 @@ def test_compute_shows_settings_and_content(capsys):
     out, err = capsys.readouterr()
     assert "points = 5" in out
     assert "5 rows in 1 shards" in out
-    assert "1 of 1 shards" in err
+    assert "1/1" in err
     assert main([*words, "--quiet"]) == 0
     assert capsys.readouterr() == (out, "")
 
