@@ -286,9 +286,8 @@ def test_halting_means_zero_and_then_standing(lockstep):
 def test_the_rehearsed_hall_and_ranges_are_those_of_the_book():
     from cpl.experiments.quadruped import lab as book
 
-    assert (
-        rehearsal_world().config == book.lab(book.LIGHT, book.RICHNESS, book.EXPOSURE_S, 0).config
-    )
+    hall = book.KINEMATIC.lab(book.LIGHT, book.RICHNESS, book.EXPOSURE_S, 0)
+    assert rehearsal_world().config == hall.config
     assert RANGES == book.RANGES
     assert set(POLICIES) < set(book.POLICIES)
     plan = collection(2)[1]
