@@ -203,9 +203,15 @@ def track(block: int, setting: int) -> None:
     s = floats(setting, (3,))
     stride = np.int64(1 if steps > 1 else 0)
     s[2] = follow(
-        floats(b[0], (n,)), floats(b[2], (steps,)), stride, longs(b[4], (ends,)),
-        np.int64(b[7]), s[0], s[1], floats(b[6], (n,)),
-    )  # fmt: skip
+        floats(b[0], (n,)),
+        floats(b[2], (steps,)),
+        stride,  # pyright: ignore[reportArgumentType]
+        longs(b[4], (ends,)),
+        np.int64(b[7]),  # pyright: ignore[reportArgumentType]
+        s[0],
+        s[1],
+        floats(b[6], (n,)),
+    )
 
 
 EXPORTS = {
