@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cpl.claims.row import ClaimsTable, EffectsTable, MachinesTable, Row, TwinTable
-    from cpl.claims.sheet import Sheet
+    from cpl.claims.sheets import Sheet
 
 __all__ = [
     "accept",
@@ -99,7 +99,7 @@ def sheet(*rows: int) -> Sheet:
     Raises:
         ValueError: If there is no such row.
     """
-    from cpl.claims.sheet import Sheet as _Sheet
+    from cpl.claims.sheets import Sheet as _Sheet
 
     return _Sheet(table(*rows).rows)
 

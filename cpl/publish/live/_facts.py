@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from cpl.claims import ledger, own, table
-from cpl.claims.sheet import claim_graph, claims_file
+from cpl.claims.sheets import claim_graph, claims_file
 
 __all__ = ["judged_files", "ledger_file"]
 

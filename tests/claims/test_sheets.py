@@ -7,7 +7,7 @@ import pytest
 
 from cpl.claims import readings, sheet
 from cpl.claims.row import Effect, EffectsTable, Row
-from cpl.claims.sheet import Sheet, claim_graph, claims_file
+from cpl.claims.sheets import Sheet, claim_graph, claims_file
 from cpl.claims.verdict import SIGNS, Verdict
 
 ROW = Row(
