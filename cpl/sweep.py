@@ -147,10 +147,13 @@ def sweep(
     if quiet:
         yield from steps
         return
+    known = 0
     with closing(steps), _bar(len(tasks)) as bar:
         for finished in steps:
             if finished.found:
                 bar.total -= 1  # it costs nothing and says nothing of the pace
+                known += 1
+                bar.set_description(f"pieces ({known} found)")
             else:
                 bar.update()
             yield finished

@@ -30,7 +30,8 @@ def test_it_computes_what_torch_computes(output):
     layers[-1] = torch.nn.Sigmoid() if output == "sigmoid" else torch.nn.Identity()
     x = stream(1, "x").normal(size=(7, 25)).astype(np.float32)
     theirs = torch.nn.Sequential(*layers)(torch.tensor(x)).detach().numpy()
-    np.testing.assert_allclose(mine(x), theirs, rtol=2e-5, atol=2e-6)
+    # A sum that cancels is off by what its terms round: the largest outputs say how large they are.
+    np.testing.assert_allclose(mine(x), theirs, rtol=2e-5, atol=1e-6 * np.abs(theirs).max())
     assert mine(x).dtype == np.float32
 
 

@@ -50,7 +50,7 @@ def deeds(stops: pd.DataFrame) -> Table:
         found = stops[(stops["deed"] == name) & (stops["phase"] == "walking")]
         median, p99, most = np.quantile(found["zero_s"], (0.5, 0.99, 1.0))
         numbers = {"trials": len(found), "median": median, "p99": p99, "most": most}
-        rows.append({"what": what} | numbers | {"left": int(found["left"].to_numpy().sum())})
+        rows.append({"what": what} | numbers | {"left": int(np.sum(found["left"]))})
     heads = {"what": "what is done", "trials": "trials", "median": "median [s]"}
     heads |= {"p99": "99th percentile [s]", "most": "longest [s]", "left": "processes left behind"}
     seconds: dict[str, str] = dict.fromkeys(("median", "p99", "most"), "{:.3f}")
@@ -89,8 +89,8 @@ def seconds_of(hazard: Hazard, stops: pd.DataFrame, faults: pd.DataFrame) -> np.
     walks = stops[(stops["phase"] == "walking") & stops["deed"].isin(hazard.deeds)]
     cells = faults[(faults["phase"] == "walking") & faults["fault"].isin(hazard.faults)]
     cells = cells[cells["outcome"] != "timeout"]
-    late = (cells["zero_s"] - cells["blind_s"]).clip(lower=0).dropna()
-    return np.concatenate([walks["zero_s"].to_numpy(), late.to_numpy()])
+    late = np.maximum(np.asarray(cells["zero_s"] - cells["blind_s"]), 0.0)
+    return np.concatenate([np.asarray(walks["zero_s"]), late[~np.isnan(late)]])
 
 
 def worst(stops: pd.DataFrame) -> float:

@@ -52,7 +52,7 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     Returns:
         The compiled function.
     """
-    if config.DISABLE_JIT:
+    if config.DISABLE_JIT:  # pyright: ignore[reportAttributeAccessIssue]
         return np.errstate(all="ignore")(function)  # overflow is meant, as in machine code
     return _stamped(njit(**_OPTIONS)(function))
 
@@ -164,7 +164,7 @@ def _float_in_python(bits: int) -> float:
 
 
 def _either(compiled: Callable[..., Any], plain: Callable[..., Any]) -> Any:  # noqa: ANN401
-    return plain if config.DISABLE_JIT else intrinsic(compiled)
+    return plain if config.DISABLE_JIT else intrinsic(compiled)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 fma: Any = _either(_fma, _fma_in_python)
@@ -176,5 +176,5 @@ bits_of: Any = _either(_bits_of, _bits_in_python)
 float_of: Any = _either(_float_of, _float_in_python)
 """The float of 64 bits."""
 
-tuple_of: Any = (lambda values, _: tuple(values)) if config.DISABLE_JIT else to_fixed_tuple
+tuple_of: Any = (lambda values, _: tuple(values)) if config.DISABLE_JIT else to_fixed_tuple  # pyright: ignore[reportAttributeAccessIssue]
 """The tuple of all values of an array, whose number is known when the kernel is compiled."""

@@ -159,7 +159,7 @@ def module_digests(
 
     Examples:
         >>> sorted(module_digests("cpl.rng"))
-        ['cpl', 'cpl.rng']
+        ['cpl', 'cpl.environ', 'cpl.rng']
     """
     base = _resolved(root)
     return {
@@ -178,8 +178,8 @@ def external_imports(*origins: str | Path, root: Path | None = None) -> frozense
         ValueError: If a named module does not exist, or a source is not Python.
 
     Examples:
-        >>> sorted(external_imports("cpl.rng"))
-        ['hashlib', 'numpy', 'typing']
+        >>> external_imports("cpl.rng") >= {"hashlib", "numpy", "typing"}
+        True
     """
     base = _resolved(root)
     closure = import_closure(*origins, root=base)

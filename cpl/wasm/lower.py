@@ -120,9 +120,9 @@ def _neutral(text: str, native: str, name: str) -> str:
 
 
 def _linked(object_file: Path) -> bytes:
-    import ziglang
+    import ziglang  # pyright: ignore[reportMissingImports] - the extra wasm
 
-    zig = Path(ziglang.__file__).parent / "zig"
+    zig = Path(ziglang.__file__).parent / "zig"  # pyright: ignore[reportArgumentType]
     module = object_file.with_suffix(".wasm")
     names = object_file.with_suffix(".names").read_text().split()
     command = [

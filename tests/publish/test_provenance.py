@@ -18,7 +18,7 @@ def test_a_record_says_what_a_result_rests_on(project):
     assert made["parameters"]["T"] == 400
     assert made["chosen"] == {"alpha": 0.2}
     assert made["seeds"] == {"seed": 3}
-    assert made["modules"] == ["cpl", "cpl.publish", "cpl.publish._glue"]
+    assert made["modules"] == ["cpl", "cpl.environ", "cpl.publish", "cpl.publish._glue"]
     assert made["source"] == {"commit": None, "dirty": None, "file": "book/small.md"}
     assert len(made["key"]) == len(made["fingerprint"]) == 64
 

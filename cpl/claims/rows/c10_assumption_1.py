@@ -21,7 +21,7 @@ def _decide(read: Reader) -> Finding:
     rows = rides.where(switched).table
     rates = {
         f"{policy}, up to {top:g} m/s": rate
-        for (policy, top), part in rows.groupby(["policy", "top_mps"])
+        for (policy, top), part in rows.groupby(["policy", "top_mps"])  # pyright: ignore[reportGeneralTypeIssues]
         if (rate := _share(part, "floor_missed", "floor_scored")) is not None
     }
     return found(

@@ -38,7 +38,7 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     Returns:
         The compiled function.
     """
-    if config.DISABLE_JIT:
+    if config.DISABLE_JIT:  # pyright: ignore[reportAttributeAccessIssue]
         return _refused
     compiled: Any = njit(cache=True, nogil=True, error_model="numpy", boundscheck=False)(function)
     # numba looks at a function's own file, but what it calls is compiled into it.
