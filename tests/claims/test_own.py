@@ -1,12 +1,14 @@
 """The book's own claims: what is said today, and that a changed table says something else."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from cpl.claims import committed, own
 from cpl.claims._ledger import claims
 from cpl.claims.claim import Source
 from cpl.claims.verdict import Verdict
+from cpl.conformal.family import MEMBERS
 from cpl.store import project_root, read_published
 
 OURS = {row: claim for row, claim in claims().items() if claim.ours}
@@ -24,6 +26,22 @@ def among(table, method, **columns):
     return table.assign(**changed)
 
 
+def in_order(table):
+    """Let members miss the more, the more often their gate crashes."""
+    place = {name: (k + 1) / 100 for k, name in enumerate(MEMBERS)}
+    share = table["method"].astype(str).map(place)
+    return table.assign(
+        crashes=np.where(share.isna(), table["crashes"], share * table["episodes"]),
+        missed=np.where(share.isna(), table["missed"], (0.05 + share) * table["scored"]),
+    )
+
+
+def doing_as(table, other, *methods):
+    """Let methods do what another does, setting by setting."""
+    rest, own = table[~table["method"].isin(methods)], table[table["method"] == other]
+    return pd.concat([rest, *(own.assign(method=name) for name in methods)])
+
+
 # One line a mutation: row, experiment, what is done to its table.
 MUTATIONS = [
     (51, "gate_controls", lambda t: among(t, "constant", crashes=lambda t: t["episodes"])),
@@ -35,6 +53,15 @@ MUTATIONS = [
     (53, "gate_stream", lambda t: swapped(t, "quantile", "frozen")),
     (53, "gate_diagnostic", lambda t: t.assign(coverage=2 * t["nominal"] - t["coverage"])),
     (53, "gate_diagnostic", lambda t: t.assign(coverage=0.9)),
+    (54, "gate_family", lambda t: among(t, "kt", crashes=lambda t: 2 * t["crashes"])),
+    (54, "gate_family", lambda t: among(t, "constant", crashes=lambda t: 0 * t["crashes"])),
+    (54, "gate_family", lambda t: t.assign(crashes=t["episodes"] - t["crashes"])),
+    (55, "gate_family", lambda t: doing_as(t, "quantile", "EWMA tuned", "ewma", "rolling")),
+    (55, "gate_family", lambda t: among(t, "rolling", crashes=lambda t: t["episodes"])),
+    (56, "gate_family", in_order),
+    (56, "gate_family", lambda t: t.assign(missed=0)),
+    (57, "gate_family", lambda t: among(t, "constant", crashes=lambda t: t["episodes"])),
+    (57, "gate_family", lambda t: doing_as(t, "saocp", *MEMBERS)),
 ]
 
 
@@ -93,3 +120,14 @@ def test_an_interval_over_worlds_is_the_wider_one(stored):
     plain = OURS[52].decide(reader(stored)).conditions[0].effect
     assert over.value == pytest.approx(plain.value)
     assert over.high - over.low > plain.high - plain.low
+
+
+def test_row_57_is_blunt_with_five_pairs(stored):
+    """What the page says of it: one member that never crashes does not decide it."""
+
+    def unharmed(table):
+        return among(table, "split", crashes=lambda t: 0 * t["crashes"])
+
+    found = OURS[57].decide(reader(stored, "gate_family", unharmed))
+    assert found.verdict == Verdict.UNDECIDED
+    assert found.high < -0.03

@@ -76,6 +76,12 @@ def test_the_books_gate_matters_under_noise_and_over_the_stream(name, verdict):
     assert ask_system(name).verdict == verdict
 
 
+def test_the_papers_switch_does_not_matter():
+    answer = ask_system("switch")
+    assert answer.verdict == "does not matter"
+    assert answer.gain.low < 0 < answer.gain.high < 0.03
+
+
 def test_the_walks_change_where_the_gains_do():
     assert ask_walks("walks-usual").verdict == "does not matter"
     assert ask_walks("walks-larger").verdict == "could matter"
