@@ -36,7 +36,7 @@ class First:
     """What the first edition said of a row.
 
     Attributes:
-        verdict: Its verdict.
+        verdict: Its verdict; None where the rule stood and its data were still to come.
         value: Its number.
         low: Lower end of the interval.
         high: Upper end.
@@ -46,7 +46,7 @@ class First:
         note: What the history shows besides.
     """
 
-    verdict: str
+    verdict: str | None
     value: float | None
     low: float | None
     high: float | None
@@ -57,7 +57,10 @@ class First:
 
 
 def first_edition() -> dict[int, First]:
-    """Return the rows of the first edition, frozen before any rule of the second was written."""
+    """Return the rows of the first edition, frozen before any rule of the second was written.
+
+    Four rules of that time, rows 54 to 57, had no data yet; when those came is added.
+    """
     path = data_path("results", _FIRST)
     told = json.loads(path.read_text(encoding="utf-8"))
     return {int(row): First(**entry) for row, entry in told.items()}

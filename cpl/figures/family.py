@@ -10,11 +10,20 @@ from numpy.typing import ArrayLike
 
 from cpl.conformal.family import MEMBERS
 from cpl.figures.style import Card, card, drawn, span
+from cpl.rng import stream
+from cpl.stats import Estimate, hierarchical_weights
+from cpl.stats.matched import Ratio, apart, beside_curve, ratio
 
-__all__ = ["at_equal_speed", "followed", "rates"]
+__all__ = ["at_equal_speed", "effect", "excess", "followed", "in_words", "rates"]
 
 _HUES = ("C0", "C1", "C2", "C3", "C4")
 _DASHES = ("-", "--", "-.", ":", (0, (3, 1, 1, 1)))
+_NAMED = ("eci", "saocp")  # the members at the ends; the others lie between them
+_PLACES = {  # where names would meet
+    **dict.fromkeys(("near misses", "pi_speed", "EWMA tuned"), ((-5, -3), "right")),
+    **dict.fromkeys(("quantile", "costly near misses"), ((0, -12), "center")),
+    "donor quantile": ((6, -6), "left"),
+}
 
 
 @drawn
@@ -56,26 +65,125 @@ def rates(streams: pd.DataFrame, *keys: str) -> pd.DataFrame:
     )
 
 
-@drawn
-def at_equal_speed(constants: pd.DataFrame, others: pd.DataFrame) -> Card:
-    """Crash rate over mean speed: the curve of constants, and everybody else as a named point.
+def excess(streams: pd.DataFrame, *methods: str, than: str | None = None) -> dict[str, Estimate]:
+    """Return how far methods' crash shares lie above the constants' at their own mean speed.
+
+    The resamples are those of the ledger's rows 54 to 57, so that a page says the same numbers.
 
     Args:
-        constants: From `rates`, by value.
-        others: From `rates`, by method.
+        streams: One setting of `gate_family`.
+        methods: Which methods.
+        than: Another method: how much farther above the constants than that one, then.
     """
+    curve = _shares(streams[streams["method"] == "constant"], "value")
+    pairs, units = curve[0].over.shape[:2]
+    weights = hierarchical_weights(pairs, units, stream(0, "claims", "gate"))
+    each = {name: _shares(streams[streams["method"] == name]) for name in methods}
+    if than is None:
+        return {name: beside_curve(*own, *curve, weights) for name, own in each.items()}
+    other = _shares(streams[streams["method"] == than])
+    return {name: apart(own, other, curve, weights) for name, own in each.items()}
+
+
+def in_words(gate: pd.DataFrame, switch: pd.DataFrame) -> dict[str, str]:
+    """Return the numbers of the loop as a page says them, by name.
+
+    Args:
+        gate: The gate's part of `gate_family`.
+        switch: The switch's part.
+    """
+    above = excess(gate, *MEMBERS, "quantile", "oracle")
+    by = sorted(MEMBERS, key=lambda name: above[name].value)
+    helped = excess(switch, *MEMBERS)
+    best = min(MEMBERS, key=lambda name: helped[name].value)
+    chosen = {"most": by[0], "least": by[-1], "quantile": "quantile", "oracle": "oracle"}
+    rivals = {
+        "tuned": "EWMA tuned",
+        "ewma": "ewma",
+        "rolling": "rolling",
+        "donor": "donor quantile",
+    }
+    apart_from = excess(gate, *rivals.values(), than="quantile")
+    found = rates(gate, "method", "value")
+    curve = found[found["method"] == "constant"].sort_values("value")
+    margins, speeds = curve["value"].to_numpy(), curve["speed_mps"].to_numpy()
+    gap = int(np.argmin(np.diff(speeds)))
+    own = found.loc[found["method"].isin(list(MEMBERS)), "speed_mps"]
+    near = found.set_index("method").loc["near misses"]
+    return {
+        **{f"{name}_who": method for name, method in chosen.items()},
+        **{f"{name}_gain": effect(above[method], -1) for name, method in chosen.items()},
+        **{f"{name}_apart": effect(apart_from[method]) for name, method in rivals.items()},
+        "best_who": best,
+        "best_gain": effect(helped[best], -1),
+        "below": str(sum(above[name].high < 0 for name in MEMBERS)),
+        "members": str(len(MEMBERS)),
+        "narrow_margin": f"{margins[gap]:g}",
+        "narrow_speed": f"{speeds[gap]:.1f}",
+        "wide_margin": f"{margins[gap + 1]:g}",
+        "wide_speed": f"{speeds[gap + 1]:.1f}",
+        "slowest": f"{own.min():.1f}",
+        "fastest": f"{own.max():.1f}",
+        "near_crashes": f"{near['crash_rate']:.0%}",
+        "near_covered": f"{near['coverage']:.0%}",
+        "near_margin": f"{near['margin_m']:.1f}",
+    }
+
+
+def effect(found: Estimate, sign: int = 1) -> str:
+    """Write an estimate with its interval.
+
+    Args:
+        found: What was estimated.
+        sign: -1 turns it round, so that a difference in crashes becomes a gain.
+
+    Examples:
+        >>> effect(Estimate(value=-0.05, low=-0.07, high=-0.03, n=5), -1)
+        '+0.050 (+0.030 to +0.070)'
+    """
+    low, high = sorted((sign * found.low, sign * found.high))
+    return f"{sign * found.value:+.3f} ({low:+.3f} to {high:+.3f})"
+
+
+@drawn
+def at_equal_speed(streams: pd.DataFrame) -> Card:
+    """Crash rate over mean speed: the curve of constants, and everybody else as a point.
+
+    Args:
+        streams: One setting of `gate_family`.
+    """
+    found = rates(streams, "method", "value").set_index("method")
     figure, axes = card(height=4.6)
-    line = constants.sort_values("speed_mps")
+    line = found.loc["constant"].sort_values("speed_mps")
     axes.plot(line["speed_mps"], line["crash_rate"], "o-", color="0.6", label="constants")
-    columns = (others[name].tolist() for name in ("method", "speed_mps", "crash_rate"))
-    for k, (name, speed, share) in enumerate(zip(*columns, strict=True)):
-        member = name in MEMBERS
-        mark, hue = ("o", _HUES[0]) if member else ("s", _HUES[1])
-        axes.plot(speed, share, mark, color=hue, markersize=4)
-        axes.annotate(
-            name, (speed, share), fontsize=6, xytext=(3, 3 if k % 2 else -7),
-            textcoords="offset points",
-        )  # fmt: skip
+    for hue, mark, label, members in (
+        (_HUES[0], "o", "members", True),
+        (_HUES[1], "s", "rivals", False),
+    ):
+        named = (found.index != "constant") & (found.index.isin(list(MEMBERS)) == members)
+        points = found[named]
+        axes.plot(
+            points["speed_mps"], points["crash_rate"], mark, color=hue, markersize=4, label=label
+        )
+        for name, speed, share in zip(
+            points.index, points["speed_mps"], points["crash_rate"], strict=True
+        ):
+            if not members or name in _NAMED:
+                offset, side = _PLACES.get(name, ((5, -3), "left"))
+                axes.annotate(
+                    name, (speed, share), fontsize="x-small", textcoords="offset points",
+                    xytext=offset, ha=side,
+                )  # fmt: skip
     axes.set_xlabel("mean speed [m/s]")
     axes.set_ylabel("share of episodes that crash")
+    axes.legend(loc="upper left", frameon=False, fontsize="small")
     return figure
+
+
+def _shares(rows: pd.DataFrame, *point: str) -> tuple[Ratio, Ratio]:
+    """Crashes an episode, and metres a second, by pair, stream and, for a curve, its point."""
+    labels = [rows[name].to_numpy() for name in ("pair", "stream", *point)]
+    return (
+        ratio(rows["crashes"].to_numpy(), rows["episodes"].to_numpy(), *labels),
+        ratio(rows["speed_sum"].to_numpy(), rows["steps"].to_numpy(), *labels),
+    )

@@ -8,9 +8,8 @@ import numpy as np
 import pandas as pd
 
 from cpl.conformal.family import MEMBERS
-from cpl.figures.family import rates
+from cpl.figures.family import effect, excess, rates
 from cpl.figures.table import Table, table
-from cpl.store import read_published
 
 __all__ = ["loop", "members", "traps", "worst"]
 
@@ -69,27 +68,26 @@ def _count(value: float, nothing: str) -> str:
     return nothing if np.isnan(value) else f"{value:.0f}"
 
 
-def loop(setting: str) -> Table:
-    """Return what everybody did in the loop, from `gate_family`; a line if it is not published.
+def loop(streams: pd.DataFrame) -> Table:
+    """Return what everybody did in the loop, by speed, beside the constants at equal speed.
 
     Args:
-        setting: "gate" or "switch".
+        streams: One setting of `gate_family`.
     """
-    try:
-        streams, _ = read_published("gate_family", "paper")
-    except FileNotFoundError:
-        return Table("*The result of `gate_family` is not published yet.*")
-    found = rates(streams.query(f"setting == {setting!r}"), "method", "value")
-    found = found.sort_values("speed_mps")
+    names = [name for name in streams["method"].unique() if name != "constant"]
+    above = {name: effect(found) for name, found in excess(streams, *names).items()}
+    found = rates(streams, "method", "value").sort_values("speed_mps")
     found = found.assign(
         value=["" if value == 0 else f"{value:g}" for value in found["value"]],
         coverage=["" if np.isnan(share) else f"{share:.3f}" for share in found["coverage"]],
+        above=[above.get(name, "") for name in found["method"]],
     )
     return table(
         found,
         {"crash_rate": "{:.3f}", "speed_mps": "{:.1f}", "episodes": "{:,}"},
         columns={
             "method": "who", "value": "setting", "episodes": "episodes",
-            "crash_rate": "crash rate", "speed_mps": "m/s", "coverage": "coverage",
+            "crash_rate": "crash rate", "speed_mps": "m/s",
+            "above": "minus constants at equal speed", "coverage": "coverage",
         },
     )  # fmt: skip
