@@ -75,13 +75,13 @@ def excess(streams: pd.DataFrame, *methods: str, than: str | None = None) -> dic
         methods: Which methods.
         than: Another method: how much farther above the constants than that one, then.
     """
-    curve = _shares(streams[streams["method"] == "constant"], "value")
+    curve = _shares(_of(streams, "constant"), "value")
     pairs, units = curve[0].over.shape[:2]
     weights = hierarchical_weights(pairs, units, stream(0, "claims", "gate"))
-    each = {name: _shares(streams[streams["method"] == name]) for name in methods}
+    each = {name: _shares(_of(streams, name)) for name in methods}
     if than is None:
         return {name: beside_curve(*own, *curve, weights) for name, own in each.items()}
-    other = _shares(streams[streams["method"] == than])
+    other = _shares(_of(streams, than))
     return {name: apart(own, other, curve, weights) for name, own in each.items()}
 
 
@@ -105,7 +105,7 @@ def in_words(gate: pd.DataFrame, switch: pd.DataFrame) -> dict[str, str]:
     }
     apart_from = excess(gate, *rivals.values(), than="quantile")
     found = rates(gate, "method", "value")
-    curve = found[found["method"] == "constant"].sort_values("value")
+    curve = _of(found, "constant").sort_values("value")
     margins, speeds = curve["value"].to_numpy(), curve["speed_mps"].to_numpy()
     gap = int(np.argmin(np.diff(speeds)))
     own = found.loc[found["method"].isin(list(MEMBERS)), "speed_mps"]
@@ -178,6 +178,10 @@ def at_equal_speed(streams: pd.DataFrame) -> Card:
     axes.set_ylabel("share of episodes that crash")
     axes.legend(loc="upper left", frameon=False, fontsize="small")
     return figure
+
+
+def _of(rows: pd.DataFrame, method: str) -> pd.DataFrame:
+    return pd.DataFrame(rows[rows["method"] == method])
 
 
 def _shares(rows: pd.DataFrame, *point: str) -> tuple[Ratio, Ratio]:
