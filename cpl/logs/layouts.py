@@ -15,6 +15,8 @@ import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
+from cpl.logs.packed import ZSTD
+
 __all__ = ["POSES", "WARNINGS", "BadMessageError", "Pose", "pose_of", "same_layout"]
 
 NS = 1_000_000_000
@@ -80,7 +82,8 @@ def pose_of(kind: str, encoding: str, raw: bytes) -> Pose:
 
 def _cdr(raw: bytes) -> tuple[str, bool, int]:
     if len(raw) < 4 or raw[0] or raw[1] > 1:
-        msg = "is not CDR" if raw else "is empty"
+        packed = raw.startswith(ZSTD)
+        msg = "is packed, and cannot be unpacked" if packed else "is not CDR" if raw else "is empty"
         raise BadMessageError(msg)
     return ("<" if raw[1] else ">"), True, 4
 

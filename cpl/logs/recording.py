@@ -9,12 +9,14 @@ from collections.abc import Container, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from cpl.logs.bag_salvage import BagSurvey, bag_messages, survey_bag
-from cpl.logs.budget import LARGEST_FILE, LARGEST_MESSAGE
-from cpl.logs.errors import DamagedLogError, EmptyLogError, NotALogError
+from cpl.logs.budget import LARGEST_FILE, LARGEST_MESSAGE, Budget, OverBudgetError
+from cpl.logs.errors import DamagedLogError, EmptyLogError, LogError, NotALogError
+from cpl.logs.packed import ENDINGS, ZSTD, unpacked_file, unpacked_message
 from cpl.logs.salvage import Damage, Survey, messages, survey
-from cpl.logs.source import Source
+from cpl.logs.source import CannotUnpackError, Source
 
 __all__ = ["Bag1", "Bag2", "McapFiles", "Recording", "Topic", "opened"]
 
@@ -57,9 +59,33 @@ class Recording(ABC):
         self.size = 0
         self._open = ExitStack()
 
-    @abstractmethod
     def messages(self, wanted: Container[str]) -> Iterator[tuple[str, int, bytes]]:
-        """Yield name of the topic, time of receipt [ns] and content, in the order of the file."""
+        """Yield name of the topic, time of receipt [ns] and content, in the order of the file.
+
+        A message of ROS 2 that is packed by itself comes unpacked; as it is, if that fails.
+        """
+        budget = Budget(size=self.size)
+        for name, received_ns, raw in self._stored(wanted):
+            content = raw
+            if raw.startswith(ZSTD) and self.topics[name].encoding == "cdr":
+                try:
+                    content = unpacked_message(raw, budget)
+                except CannotUnpackError:
+                    content = raw  # which is no CDR: it costs itself, where it is understood
+                except OverBudgetError as error:
+                    what = f"its messages' compression {error}; no more are read"
+                    self.damages.append(Damage(at=0, size=0, what=what))
+                    break
+            yield name, received_ns, content
+
+    @abstractmethod
+    def _stored(self, wanted: Container[str]) -> Iterator[tuple[str, int, bytes]]:
+        """As :meth:`messages`, with the content as it is in the file."""
+
+    def keep(self, others: ExitStack) -> None:
+        """Close others after its own files."""
+        others.push(self._open)
+        self._open = others
 
     def close(self) -> None:
         """Close its files."""
@@ -100,8 +126,7 @@ class Bag1(Recording):
                 )
             )
 
-    def messages(self, wanted: Container[str]) -> Iterator[tuple[str, int, bytes]]:
-        """As :meth:`Recording.messages`."""
+    def _stored(self, wanted: Container[str]) -> Iterator[tuple[str, int, bytes]]:
         names = {n: c.topic for n, c in self._bag.connections.items() if c.topic in wanted}
         for number, received_ns, raw in bag_messages(self._bag, names):
             yield names[number], received_ns, raw
@@ -146,8 +171,7 @@ class McapFiles(Recording):
                 expected=None if found.expected is None else found.expected.get(number, 0),
             )
 
-    def messages(self, wanted: Container[str]) -> Iterator[tuple[str, int, bytes]]:
-        """As :meth:`Recording.messages`."""
+    def _stored(self, wanted: Container[str]) -> Iterator[tuple[str, int, bytes]]:
         for found in self._files:
             names = {n: c.topic for n, c in found.channels.items() if c.topic in wanted}
             for _, message in messages(found, names):
@@ -160,7 +184,6 @@ class _Metadata:
 
     files: list[str] = field(default_factory=list)
     compression: str = ""
-    mode: str = ""
     count: int | None = None
 
 
@@ -189,8 +212,7 @@ class Bag2(Recording):
                 raise DamagedLogError(what, path=path) from error
             self._files.append((path, link))
 
-    def messages(self, wanted: Container[str]) -> Iterator[tuple[str, int, bytes]]:
-        """As :meth:`Recording.messages`."""
+    def _stored(self, wanted: Container[str]) -> Iterator[tuple[str, int, bytes]]:
         for path, link in self._files:
             link.text_factory = bytes
             count = 0
@@ -269,27 +291,20 @@ def opened(path: Path) -> Recording:
         LogError: There is none, or a part of it is missing.
     """
     if path.is_file():
-        return (Bag2 if _is_sqlite(path) else McapFiles)([path])
+        return _bag([path])
     told = _described(path / "metadata.yaml")
-    if told.compression and told.mode.lower() == "message":
+    if told.compression not in ("", "zstd"):
         what = (
-            f"compresses each message by {told.compression}, which is not read: "
-            "`ros2 bag convert` writes it anew"
+            f"is compressed by {told.compression}, which is not read: `ros2 bag convert` writes it "
+            "anew"
         )
         raise NotALogError(what, path=path)
-    paths = [path / Path(name).name for name in told.files]
-    missing = [each.name for each in paths if not each.is_file()]
-    there = [each for each in paths if each.is_file()]
-    packed = [each.name for each in there if each.suffix in (".zstd", ".zst")]
-    if packed:
-        what = f"holds {', '.join(packed)}, compressed as files: `unzstd FILE` first"
-        raise NotALogError(what, path=path)
+    found = {name: _there(path / Path(name).name) for name in told.files}
+    missing = [Path(name).name for name, each in found.items() if each is None]
+    there = [each for each in found.values() if each is not None]
     if not there:
         raise EmptyLogError("has no file of those that metadata.yaml names", path=path)
-    kinds = {_is_sqlite(each) for each in there}
-    if len(kinds) > 1:
-        raise NotALogError("mixes SQLite and MCAP files", path=path)
-    bag = (Bag2 if kinds == {True} else McapFiles)(there)
+    bag = _bag(there)
     bag.damages += [Damage(at=0, size=0, what=f"{name} is missing") for name in missing]
     held = sum(topic.held for topic in bag.topics.values())
     if told.count is not None and told.count > held:
@@ -298,9 +313,53 @@ def opened(path: Path) -> Recording:
     return bag
 
 
-def _is_sqlite(path: Path) -> bool:
+def _there(path: Path) -> Path | None:
+    """Return a file that is named, or the same packed or unpacked since."""
+    plain = path.with_suffix("") if path.suffix in ENDINGS else path
+    names = [path, plain, *(plain.with_name(plain.name + ending) for ending in ENDINGS)]
+    return next((each for each in names if each.is_file()), None)
+
+
+def _bag(paths: list[Path]) -> Recording:
+    """Open files of one kind, of which some may be packed."""
+    with ExitStack() as held:
+        packed: dict[Path, Path] = {}
+        damages: list[Damage] = []
+        plain: list[Path] = []
+        for path in paths:
+            if not _begins(path, ZSTD):
+                plain.append(path)
+                continue
+            folder = Path(held.enter_context(TemporaryDirectory(prefix="cpl-bag-")))
+            try:
+                made, wrong = unpacked_file(path, folder)
+            except OverBudgetError as error:
+                raise DamagedLogError(str(error), path=path) from error
+            if wrong:
+                damages.append(Damage(at=path.stat().st_size, size=0, what=f"{path.name}: {wrong}"))
+            if made.stat().st_size:
+                packed[made] = path
+                plain.append(made)
+        if not plain:
+            what = damages[0].what.removeprefix(f"{paths[0].name}: ") if damages else "is empty"
+            raise DamagedLogError(what, path=paths[0])
+        kinds = {_begins(each, b"SQLite") for each in plain}
+        if len(kinds) > 1:
+            raise NotALogError("mixes SQLite and MCAP files", path=paths[0].parent)
+        try:
+            bag = (Bag2 if kinds == {True} else McapFiles)(plain)
+        except LogError as error:
+            path = packed.get(error.path, error.path)
+            raise type(error)(error.what, path=path, where=error.where) from error
+        bag.keep(held.pop_all())
+    bag.damages += damages
+    bag.notes += [f"{each.name} was unpacked: its bytes are counted so" for each in packed.values()]
+    return bag
+
+
+def _begins(path: Path, mark: bytes) -> bool:
     with Source.open(path) as source:
-        return source.read(0, 6) == b"SQLite"
+        return source.read(0, len(mark)) == mark
 
 
 def _described(path: Path) -> _Metadata:
@@ -321,6 +380,5 @@ def _described(path: Path) -> _Metadata:
     return _Metadata(
         files=files,
         compression=said.get("compression_format", ""),
-        mode=said.get("compression_mode", ""),
         count=int(counted) if counted.isdecimal() and len(counted) < 19 else None,
     )

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.rosbag1 import Writer as Bag1Writer
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Bag2Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -211,11 +211,24 @@ def db3(poses):
         return next(bag2(Path(folder) / "a", poses).glob("*.db3")).read_bytes()
 
 
-def bag2(path, poses, plugin=StoragePlugin.SQLITE3):
+def packed(plugin, mode):
+    """The one file of a ROS 2 bag that is compressed."""
+
+    def made(poses):
+        with tempfile.TemporaryDirectory() as folder:
+            path = bag2(Path(folder) / "a", poses, plugin, mode)
+            return next(path.glob("a.*")).read_bytes()
+
+    return made
+
+
+def bag2(path, poses, plugin=StoragePlugin.SQLITE3, mode=CompressionMode.NONE):
     """Write a ROS 2 bag's folder."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        with Bag2Writer(path, version=9, storage_plugin=plugin) as writer:
+        writer = Bag2Writer(path, version=9, storage_plugin=plugin)
+        writer.set_compression(mode, CompressionFormat.ZSTD)
+        with writer:
             connection = writer.add_connection(TOPIC, KIND, typestore=ROS2)
             for p in poses:
                 raw = ROS2.serialize_cdr(odometry(ROS2, p), KIND)
@@ -329,6 +342,18 @@ SAMPLES = {
     "ros 1 bag, bz2": ("bag", bag_bz2, {}),
     "ros 1 bag, lz4": ("bag", bag_lz4, {}),
     "ros 2 db3": ("ros2", db3, {}),
+    "ros 2 db3, packed": ("ros2", packed(StoragePlugin.SQLITE3, CompressionMode.FILE), {}),
+    "ros 2 db3, packed messages": (
+        "ros2",
+        packed(StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+        {},
+    ),
+    "ros 2 mcap, packed": ("ros2", packed(StoragePlugin.MCAP, CompressionMode.FILE), {}),
+    "ros 2 mcap, packed messages": (
+        "mcap",
+        packed(StoragePlugin.MCAP, CompressionMode.MESSAGE),
+        {},
+    ),
     "ros 2 mcap": ("mcap", mcap_ros2, {}),
     "ros 2 mcap, lz4": ("mcap", mcap_lz4, {}),
     "ros 2 mcap, no chunks": ("mcap", mcap_loose, {}),

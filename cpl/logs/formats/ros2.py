@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from cpl.logs.formats import Format, Head, Likeness, Options
+from cpl.logs.packed import ENDINGS, ZSTD, beginning
 from cpl.logs.poses import read_poses
 from cpl.logs.recording import opened
 from cpl.logs.run import Run
+from cpl.logs.salvage import MAGIC
 
 __all__ = ["FORMAT"]
 
@@ -20,6 +22,10 @@ def _recognise(head: Head) -> Likeness:
         )
     if head.data.startswith(b"SQLite format 3"):
         return Likeness(1.0, "is an SQLite file")
+    if head.data.startswith(ZSTD):
+        inside = beginning(head.path, 16)
+        if inside.startswith((b"SQLite format 3", MAGIC)):
+            return Likeness(1.0, "is an SQLite or MCAP file packed by zstd")
     return Likeness(0.0, "is no SQLite file, and no folder with metadata.yaml")
 
 
@@ -33,11 +39,11 @@ def _read(path: Path, options: Options) -> Run:
 
 FORMAT = Format(
     name="ros2",
-    title="ROS 2 bag: its folder (SQLite or MCAP, split or not), or one .db3 file",
+    title="ROS 2 bag: its folder (SQLite or MCAP; split, zstd-compressed), or one .db3 file",
     example="FOLDER/metadata.yaml, or SQLite format 3 (binary)",
     lacks="poses without twist (PoseStamped) have none; SLAM errors need /diagnostics",
     recognise=_recognise,
     read=_read,
-    suffixes=(".db3",),
+    suffixes=(".db3", *ENDINGS),
     options=("--topic", "--provenance"),
 )
