@@ -361,7 +361,14 @@
       if (!Number.isNaN(trail[last].l_hat)) {
         const x = axes.X(last) + 4;
         const anchor = last > 30 ? "end" : "start";
-        parts.push(kit.note(x, axes.Y(Math.min(trail[last].l_hat + trail[last].u, 1.1)) - 6, "forecast + q", "blue", anchor), kit.note(x, axes.Y(trail[last].l_hat) + 12, "forecast", "grey", anchor), kit.note(x, axes.Y(Math.min(trail[last].u, 1.1)) + 14, "q", "red", anchor));
+        const { l_hat, u } = trail[last];
+        const names = [[l_hat + u, "forecast + q", "blue"], [l_hat, "forecast", "grey"], [u, "q", "red"]].sort(([a], [b]) => a - b);
+        let lowest = axes.bottom - 4; // one name above the other, none on the axis
+        for (const [value, words, color] of names) {
+          const y = Math.min(axes.Y(Math.min(value, 1.1)) + 4, lowest);
+          parts.push(kit.note(x, y, words, color, anchor));
+          lowest = y - 14;
+        }
       }
     }
     svg.replaceChildren(...parts);
