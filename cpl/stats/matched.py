@@ -8,8 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 from cpl.stats.bootstrap import Weights, interval, sums
 from cpl.stats.estimates import Estimate
 from cpl.stats.fronts import at_levels
+from cpl.stats.tradeoff import Curve
 
-__all__ = ["Ratio", "apart", "beside_curve", "ratio"]
+__all__ = ["Ratio", "along", "apart", "beside_curve", "ratio"]
 
 Floats = NDArray[np.float64]
 
@@ -126,6 +127,28 @@ def apart(
         _above(*own, *curve, weights, mixtures=mixtures) for own in (first, second)
     )
     return interval(a - b, drawn_a - drawn_b, groups=weights.groups)
+
+
+def along(first: Curve, second: Curve, *, groups: int) -> list[Estimate | None]:
+    """Return how far each point of a curve lies above another curve, at the point's own x.
+
+    What `beside_curve` says of one method, for all points at once. The intervals hold one by one.
+
+    Args:
+        first: The curve whose points are asked about.
+        second: The one that is read between its points; the same resamples.
+        groups: Number of independent groups.
+
+    Returns:
+        One difference a point; None where the second curve has no point on one of its sides.
+    """
+    value = first.y - at_levels(second.x, second.y, first.x)
+    drawn = first.y_drawn - at_levels(second.x_drawn, second.y_drawn, first.x_drawn)
+    inside = (first.x >= second.x.min()) & (first.x <= second.x.max())
+    return [
+        interval(float(value[k]), drawn[:, k], groups=groups) if inside[k] else None
+        for k in range(len(value))
+    ]
 
 
 def _above(

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from cpl.rng import stream
-from cpl.stats import hierarchical_weights
-from cpl.stats.matched import Ratio, beside_curve
+from cpl.stats import Curve, hierarchical_weights, sums
+from cpl.stats.matched import Ratio, along, beside_curve
 
 
 def study(rng, gain=0.0, groups=5, units=60, episodes=10):
@@ -50,3 +50,31 @@ def test_the_hull_cuts_a_dent():
     own = Ratio(over=0.3 * ones, under=ones), Ratio(over=ones, under=ones)
     assert beside_curve(*own, *curve, weights).value == pytest.approx(0.3 - 0.9)
     assert beside_curve(*own, *curve, weights, mixtures=True).value == pytest.approx(0.3 - 0.2)
+
+
+def test_all_points_of_a_curve_are_compared_as_each_of_them_is():
+    rng = stream(2, "matched")
+    _, _, crashes, metres = study(rng)
+    _, _, others, other_metres = study(rng)
+    weights = hierarchical_weights(5, 60, rng, resamples=150)
+
+    def curve(y, x):
+        read = []
+        for part in (y, x):
+            (over, drawn_over), (under, drawn_under) = (
+                sums(values, weights) for values in (part.over, part.under)
+            )
+            read += [over / under, drawn_over / drawn_under]
+        return Curve(y=read[0], y_drawn=read[1], x=read[2], x_drawn=read[3])
+
+    found = along(curve(crashes, metres), curve(others, other_metres), groups=5)
+    for k, gap in enumerate(found):
+        own = [
+            Ratio(over=part.over[..., k], under=part.under[..., k]) for part in (crashes, metres)
+        ]
+        alone = beside_curve(*own, others, other_metres, weights)
+        if gap is not None:
+            assert (gap.value, gap.low, gap.high) == pytest.approx(
+                (alone.value, alone.low, alone.high)
+            )
+    assert sum(gap is not None for gap in found) >= 3
