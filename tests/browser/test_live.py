@@ -118,6 +118,12 @@ def test_the_explorer_shows_published_points_or_says_that_there_are_none(figure)
     slider.press("End")
     assert number(stage, "limit") > low
     stage.get_by_label("against speed").select_option("collisions")
+    rival = stage.get_by_label("rival", exact=True)
+    before = stage.locator("tbody").inner_text()
+    rival.select_option("ensemble")
+    assert stage.locator("tbody").inner_text() != before
+    stage.get_by_label("compare", exact=True).select_option("points")
+    assert rival.is_hidden()
     box = stage.get_by_role("checkbox").first
     rows = number(stage, "rows")
     box.uncheck()

@@ -128,26 +128,69 @@ def test_a_ride_is_recorded_the_same_way_twice():
     assert (ends <= config.duration_s).all()
 
 
-def test_points_of_the_explorer_are_means_with_intervals():
+@pytest.fixture(scope="module")
+def counted():
+    """Block sums of two methods over three pairs: the second is a little slower."""
     rng = np.random.default_rng(0)
     rows = []
-    for pair in range(3):
-        for level in range(4):
-            for block in range(5):
-                sums = dict.fromkeys(SUMS, 0.0) | {
-                    "episodes": 20,
-                    "steps": 20 * (40 - 5 * level),
-                    "crashes": level,
-                    "episode_speed_sum": 20 * (22 + level) + rng.normal(),
-                    "distance_km": 10.0,
-                }
-                where = {"top_mps": 40.0, "pair": pair, "method": "none", "calibrated": False}
-                rows.append({**where, "level": level, "value": level / 10, "block": block, **sums})
-    found = points(pd.DataFrame(rows))
+    for method, slower in (("none", 0.0), ("conformal", 0.3)):
+        for pair in range(3):
+            for level in range(4):
+                for block in range(5):
+                    sums = dict.fromkeys(SUMS, 0.0) | {
+                        "episodes": 20,
+                        "steps": 20 * (40 - 5 * level),
+                        "crashes": level,
+                        "episode_speed_sum": 20 * (22 + level - slower) + rng.normal(),
+                        "distance_km": 10.0,
+                    }
+                    where = {"top_mps": 40.0, "pair": pair, "method": method, "level": level}
+                    more = {"calibrated": False, "value": level / 10, "block": block}
+                    rows.append({**where, **more, **sums})
+    return pd.DataFrame(rows)
+
+
+def test_points_of_the_explorer_are_means_with_intervals(counted):
+    found = points(counted.loc[counted["method"] == "none"])
     assert [p["q_safe"] for p in found] == [0.0, 0.1, 0.2, 0.3]
     assert [p["duration"][0] for p in found] == [40.0, 35.0, 30.0, 25.0]
+    assert [p["crashes"][0] for p in found] == [0.0, 0.05, 0.1, 0.15]
     assert [p["collisions"][0] for p in found] == [0.0, 0.1, 0.2, 0.3]
     assert all(low <= value <= high for value, low, high in (p["speed"] for p in found))
+
+
+def test_points_are_compared_with_a_rival_at_their_own_speed(counted):
+    slower = [p["beside"]["none"] for p in points(counted) if p["method"] == "conformal"]
+    assert slower[0] == dict.fromkeys(["duration", "crashes", "collisions"])  # none is so slow
+    for gap in slower[1:]:  # .3 m/s of a curve that loses 5 s a m/s
+        value, low, high = gap["duration"]
+        assert low < value < high
+        assert value == pytest.approx(-1.5, abs=0.2)
+
+
+def test_the_explorer_reads_a_rival_as_the_package_does(counted, tmp_path):
+    try:
+        found = points(published("pareto", "paper").table)
+    except FileNotFoundError:
+        found = points(counted)
+    (tmp_path / "points.json").write_text(json.dumps(found, allow_nan=False))
+    code = f"""
+        globalThis.self = {{ cplLive: {{ kit: {{ mount() {{}} }} }} }};
+        require({json.dumps(str(STATIC / "pareto.js"))});
+        const points = require({json.dumps(str(tmp_path / "points.json"))});
+        const curve = (p, method) =>
+          points.filter((o) => o.range === p.range && o.method === method);
+        const rows = points.flatMap((p) => Object.entries(p.beside).flatMap(([rival, gaps]) =>
+          Object.entries(gaps).map(([name, gap]) => {{
+            const there = self.cplLive.pareto.read(curve(p, rival), p.speed[0], name);
+            return [gap && gap[0], there === null ? null : p[name][0] - there];
+          }})));
+        console.log(JSON.stringify(rows))"""
+    rows = json.loads(node("-e", code))
+    assert len(rows) == sum(len(gaps) for p in found for gaps in p["beside"].values())
+    assert any(gap is not None for gap, _ in rows)
+    for gap, shown in rows:
+        assert shown == (None if gap is None else pytest.approx(gap, abs=2e-5))
 
 
 def test_each_live_figure_has_its_data_and_its_picture():

@@ -12,7 +12,7 @@ from cpl.figures.live import missing, preview
 from cpl.figures.road import moments
 from cpl.figures.theory import band
 from cpl.publish.live._facts import judged_files, ledger_file
-from cpl.publish.live._pareto import pareto_files
+from cpl.publish.live._pareto import pareto_files, pareto_picture
 from cpl.publish.live._rides import opening_moments, ride_scripts
 from cpl.publish.live._script import as_script
 from cpl.publish.live._tab import tab_scripts
@@ -100,7 +100,7 @@ def _wheel() -> tuple[dict[str, str], str]:
 
 
 def _trial() -> tuple[dict[str, str], str]:
-    return tab_scripts(), pareto_files()[1]
+    return tab_scripts(), pareto_picture()
 
 
 _DRAWN: dict[str, Callable[[], tuple[dict[str, str], str]]] = {
