@@ -215,7 +215,7 @@ class Bag2(Recording):
     def _stored(self, wanted: Container[str]) -> Iterator[tuple[str, int, bytes]]:
         for path, link in self._files:
             link.text_factory = bytes
-            count = 0
+            count = timeless = 0
             try:
                 topics = dict(link.execute("SELECT id, name FROM topics LIMIT 10000").fetchall())
                 names = {n: name.decode(errors="replace") for n, name in topics.items()}
@@ -226,8 +226,13 @@ class Bag2(Recording):
                     name = names.get(number, "")
                     if name in wanted and isinstance(received_ns, int):
                         yield name, received_ns, data if isinstance(data, bytes) else b""
+                    elif name in wanted:
+                        timeless += 1
             except (sqlite3.Error, OverflowError) as error:
                 what = f"{path.name}: after {count} messages the file cannot be read ({error})"
+                self.damages.append(Damage(at=0, size=0, what=what))
+            if timeless:
+                what = f"{path.name}: {timeless} messages have a time that is no number"
                 self.damages.append(Damage(at=0, size=0, what=what))
 
     def _guarded(self, link: sqlite3.Connection) -> None:

@@ -238,7 +238,7 @@ def stamp_ns(text: str, power: int) -> int:
     >>> stamp_ns("1403715529.112143517", 0)
     1403715529112143517
     """
-    if "_" in text:
+    if not _is_plain(text):
         raise ValueError(text)
     try:
         value = Decimal(text)
@@ -345,8 +345,8 @@ class _Rows:
     def _rows(self, named: Named) -> None:
         cells = self._cells(named)
         try:
-            # A number with underscores is Python's, and no table's.
-            if any("_" in line for _, line in named):
+            # A number with underscores or another script's digits is Python's, and no table's.
+            if any("_" in line or not line.isascii() for _, line in named):
                 raise ValueError
             good, stamps, numbers, values, texts = self._fast(cells)
         except (ValueError, IndexError):
@@ -528,7 +528,7 @@ def _number(text: str, name: str) -> float:
     if not text.strip() and name in _NULLABLE:
         return math.nan
     try:
-        if "_" in text:
+        if not _is_plain(text):
             raise ValueError
         return float(text)
     except ValueError as error:
@@ -540,7 +540,12 @@ def _is_number(text: str) -> bool:
         float(text)
     except ValueError:
         return False
-    return "_" not in text
+    return _is_plain(text)
+
+
+def _is_plain(text: str) -> bool:
+    """Tell whether a number is written as tables write it: Python takes 1_000 and other digits."""
+    return "_" not in text and text.isascii()
 
 
 def _short(text: str) -> str:

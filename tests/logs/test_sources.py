@@ -336,6 +336,7 @@ def test_a_csv_that_leaves_a_question_open_is_refused(tmp_path, options, error, 
         ("0.9,,0,0.3,0,0,0,1,0.5,0,0,3\n", SchemaError),
         ("0.9,lost,0,0.3,0,0,0,1,0.5,0,0,3\n", SchemaError),
         ("0.9,1_000,0,0.3,0,0,0,1,0.5,0,0,3\n", SchemaError),
+        ("0.9,٣,0,0.3,0,0,0,1,0.5,0,0,3\n", SchemaError),  # 3, but no table's digit
         ("0.9,0,45,0,0.3,0,0,0,1,0.5,0,0,3\n", SchemaError),
         ("0.9,0.45,0,0.3,0\n", SchemaError),
         ("0.9,0.45,0,0.3,0,0,0,3,0.5,0,0,3\n", QuaternionError),
