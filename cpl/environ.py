@@ -13,7 +13,14 @@ import sys
 import tempfile
 from pathlib import Path
 
-__all__ = ["ONE_THREAD", "in_checkout", "keep_compiled_code", "kept_path", "one_thread"]
+__all__ = [
+    "ONE_THREAD",
+    "in_checkout",
+    "keep_compiled_code",
+    "kept_path",
+    "one_thread",
+    "spell_paths",
+]
 
 PACKAGE = Path(__file__).resolve().parent
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -51,6 +58,19 @@ def one_thread() -> None:
     """
     if not any(name in os.environ for name in ONE_THREAD):
         os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+
+
+def spell_paths() -> None:
+    """Start a command anew in UTF-8 mode where Python cannot spell the folder that it lies in.
+
+    A locale that knows ASCII alone leaves a path with an umlaut as bytes in disguise; Python opens
+    it, numba cannot name its compiled code by it. The mode comes with the start of a process only.
+    """
+    try:
+        str(PACKAGE).encode()
+    except UnicodeEncodeError:
+        words = [sys.executable, "-X", "utf8", "-m", "cpl", *sys.argv[1:]]
+        os.execv(sys.executable, words)
 
 
 def keep_compiled_code() -> None:

@@ -23,7 +23,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
-from cpl.environ import in_checkout, one_thread
+from cpl.environ import in_checkout, one_thread, spell_paths
 from cpl.optional import explain, look_all
 
 __all__ = ["UsageError", "main", "project_root"]
@@ -42,6 +42,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit status.
     """
+    if argv is None:
+        spell_paths()
     words = list(sys.argv[1:] if argv is None else argv)
     parser = _parser(words)
     args = parser.parse_args(words)
