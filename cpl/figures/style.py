@@ -23,6 +23,7 @@ from io import StringIO
 from typing import Any, ParamSpec, TypeVar
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.typing import RcKeyType
@@ -100,8 +101,16 @@ class Card(Figure):
         """The figure as an SVG document without a date."""
         target = StringIO()
         with mpl.rc_context(_STYLE):
+            self._settle()
             self.savefig(target, format="svg", metadata={"Date": None})
         return target.getvalue()
+
+    def _settle(self) -> None:
+        """Lay the axes out once, on round numbers: the solver's last bits differ between runs."""
+        self.draw_without_rendering()
+        self.set_layout_engine("none")
+        for axes in self.axes:
+            axes.set_position(np.round(axes.get_position(original=True).bounds, 6).tolist())
 
     def summary(self) -> str:
         """One line naming the axes, for readers who see no picture.
