@@ -73,16 +73,17 @@ def _verified(args: argparse.Namespace) -> int:
         print(f"cpl verify: nothing is published in {data_path('results')}", file=sys.stderr)
         return 1
     chosen, seconds = _chosen(args, every)
-    agreed, rows, done = True, 0, 0
+    agreed, rows, seen = True, 0, set[tuple[str, str]]()
     for report, looked_at in examine(chosen, seconds, record=args.record):
         print(_line(report), flush=True)
         agreed &= report.agrees
         rows += looked_at
-        done += len(report.checked)
-        if args.record and report.agrees:
+        seen |= {(report.experiment, name) for name in report.checked}
+        if args.record and report.agrees and report.checked:
             record_attested(report.experiment, report.profile)
     print(coverage(every, rows))
-    _say_what_is_left(args, every, chosen[done:])
+    left = [each for each in chosen if (each.manifest.experiment, each.name) not in seen]
+    _say_what_is_left(args, every, left)
     return 0 if agreed else 1
 
 
@@ -127,6 +128,8 @@ def _sampled(every: Sequence[Sequence[Piece]], sample: int, seed: int) -> list[P
 
 def _line(report: Report) -> str:
     verdict = "agrees" if report.agrees else "DIFFERS"
+    if report.lacks and not report.checked:
+        return f"{report.experiment}/{report.profile}: not run here: {report.lacks}"
     share = f"{len(report.checked)} of {report.of} shards"
     lines = [
         f"{report.experiment}/{report.profile}: {verdict} ({share}, {report.seconds:.1f} s)",

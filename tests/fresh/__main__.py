@@ -37,7 +37,7 @@ DEVICES = ("null", "zero", "full", "random", "urandom", "tty")
 COMMANDS = {
     "12": ("make book", "make test"),
     "13": (
-        "python3 -m venv .venv",
+        "python3.13 -m venv .venv",
         "if .venv/bin/python -m pip download -qq --no-deps -d /tmp torch==2.13.0+cpu;"
         " then make venv; else .venv/bin/python -m pip install -qq -c constraints.txt"
         " -e '.[cluster,course,go1,logs,quadruped,t265,tools]'; fi",

@@ -7,7 +7,7 @@ draw is seeded anew each time, so that nobody can know beforehand which pieces w
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 
 from cpl.experiments.run.attestation import Attestation
@@ -136,17 +136,23 @@ def examine(
         pieces = list(group)
         done: list[Piece] = []
         reports: list[Report] = []
+        lacks = ""
         for piece in pieces:
             if time.monotonic() - begun >= budget:
                 break
             told = piece.manifest
-            report = verify_pieces(told.experiment, told.profile, [piece.name])
+            try:
+                report = verify_pieces(told.experiment, told.profile, [piece.name])
+            except ImportError as error:  # a peer that only a bench asks for
+                lacks = str(error)
+                break
             done.append(piece)
             reports.append(report)
             if record and report.agrees:
                 Attestation().add(told, [piece.name])
-        if done:
-            yield _joined(reports, done), sum(piece.rows for piece in done)
+        if done or lacks:
+            report = _joined(reports, done, pieces[0].manifest)
+            yield replace(report, lacks=lacks), sum(piece.rows for piece in done)
 
 
 def coverage(every: Sequence[Sequence[Piece]], now: int) -> Coverage:
@@ -179,8 +185,7 @@ def _place(piece: Piece) -> tuple[str, str]:
     return piece.manifest.experiment, piece.manifest.profile
 
 
-def _joined(reports: Sequence[Report], pieces: Sequence[Piece]) -> Report:
-    told = pieces[0].manifest
+def _joined(reports: Sequence[Report], pieces: Sequence[Piece], told: Manifest) -> Report:
     return Report(
         experiment=told.experiment,
         profile=told.profile,

@@ -81,6 +81,7 @@ class Report:
         of: Number of shards in all.
         differences: One line a shard that did not agree.
         seconds: Processor time it took.
+        lacks: Why it could not be run further on this machine; empty if it could.
     """
 
     experiment: str
@@ -89,6 +90,7 @@ class Report:
     of: int
     differences: tuple[str, ...]
     seconds: float
+    lacks: str = ""
 
     @property
     def agrees(self) -> bool:

@@ -156,3 +156,16 @@ def test_most_published_results_fit_into_the_default_budget():
     whole = [p for p in every if {(x.manifest.experiment, x.name) for x in p}
              <= {(x.manifest.experiment, x.name) for x in chosen}]  # fmt: skip
     assert len(whole) >= 12
+
+
+def test_a_result_that_needs_a_missing_library_is_named_and_the_rest_goes_on(
+    layer, monkeypatch, capsys
+):
+    def lacking(*_):
+        raise ModuleNotFoundError("No module named 'envpool'", name="envpool")
+
+    monkeypatch.setattr(examine, "verify_pieces", lacking)
+    assert main(["verify", "--budget", "60"]) == 0
+    assert (
+        "split_conformal/paper: not run here: No module named 'envpool'" in capsys.readouterr().out
+    )
