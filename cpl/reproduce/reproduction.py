@@ -15,7 +15,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
@@ -33,6 +33,7 @@ __all__ = ["Claim", "Pieces", "Step", "plan", "reproduce", "unpublished"]
 
 _PUBLISHED = "paper"
 _SEEDS = ("pairs", "seeds")  # a setting that ends like this counts training seeds
+_MOST_SEEDS = 10  # as many as anything published has
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,12 +82,10 @@ def plan(
         if name in without or name in nothing:
             continue
         whole = job(name, profile)
-        steps[name] = _step(whole, job_of(name, f"{profile}+", _one_seed(whole)))
+        steps[name] = _step(whole, job_of(name, f"{profile}+", _with_seeds(whole, 1)))
     for name, wanted in _needed(steps.values()).items():
-        # A choice made over several seeds, such as the penalties' weights, needs all of them.
         if name in steps and wanted - steps[name].job.pieces.keys():
-            whole = job(name, profile)
-            steps[name] = _step(whole, whole)
+            steps[name] = _grown(job(name, profile), wanted)
     return _in_order(steps)
 
 
@@ -246,15 +245,30 @@ def _computed_before(path: Path, steps: Sequence[dict[str, Any]]) -> dict[str, A
     return {name: earlier[name] for name in names}
 
 
-def _one_seed(whole: Job) -> Any:  # noqa: ANN401 - its own Config
-    """Return the settings with a single training seed, as far as the experiment allows it."""
+def _grown(whole: Job, wanted: Collection[str]) -> Step:
+    """Return the step with the fewest training seeds that has the wanted pieces.
+
+    A later pair needs those before it; a choice made over several seeds, such as the penalties'
+    weights, needs all of them.
+    """
+    from cpl.experiments.run.job import job_of
+
+    for seeds in range(2, _MOST_SEEDS + 1):
+        fewer = job_of(whole.name, f"{whole.profile}+", _with_seeds(whole, seeds))
+        if fewer.pieces.keys() >= set(wanted):
+            return _step(whole, fewer)
+    return _step(whole, whole)
+
+
+def _with_seeds(whole: Job, seeds: int) -> Any:  # noqa: ANN401 - its own Config
+    """Return the settings with so few training seeds, as far as the experiment allows it."""
     config = whole.config
     for name in (field.name for field in fields(config)):
         value = getattr(config, name)
-        if not name.endswith(_SEEDS) or type(value) is not int or value <= 1:
+        if not name.endswith(_SEEDS) or type(value) is not int or value <= seeds:
             continue
         try:
-            config = replace(config, **{name: 1})
+            config = replace(config, **{name: seeds})
         except ValueError:  # this one needs several
             continue
     return config
