@@ -13,25 +13,25 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
 
 from cpl.rng import stream
 from cpl.store import WorkStore, atomic_write, table_digest
-from cpl.sweep import sweep
+from cpl.sweep import Finished, Task, sweep
 from tests.faults.frame import Row, tally
 
 _KEY = "0" * 64
 _SHARDS = {f"part-{i}": i for i in range(8)}
-_WORDS = {"stage": "toy", "key": _KEY, "origin": "cpl.sweep", "quiet": True}
 _DRIVER = """
 import sys
 from pathlib import Path
 from tests.faults import provoke_kills as toy
 store = toy.WorkStore(Path(sys.argv[1]))
 how = {"workers": int(sys.argv[2]), "cluster": sys.argv[3] if len(sys.argv) > 3 else None}
-toy.sweep(toy.slow, toy._SHARDS, store=store, **how, **toy._WORDS)
+toy.swept(store, **how)
 """
 _ROOT = Path(__file__).resolve().parents[2]
 
@@ -40,6 +40,23 @@ def slow(i: int) -> pd.DataFrame:
     """Take long enough to be hit."""
     time.sleep(0.1)
     return pd.DataFrame({"i": [i], "square": [i * i]})
+
+
+def swept(store: WorkStore, **how) -> dict[str, Finished]:
+    """Run the toy's tasks, which need nothing of each other."""
+    tasks = {
+        name: Task(call=partial(_alone, i), stage="toy", name=name, key=_key, origin="cpl.sweep")
+        for name, i in _SHARDS.items()
+    }
+    return {one.task: one for one in sweep(tasks, store=store, quiet=True, **how)}
+
+
+def _alone(i: int, _inputs) -> pd.DataFrame:
+    return slow(i)
+
+
+def _key(_digests) -> str:
+    return _KEY
 
 
 def provoke(count: int) -> Iterator[Row]:
@@ -60,9 +77,9 @@ def provoke(count: int) -> Iterator[Row]:
 
 def _judged(store: WorkStore, committed: set[str]) -> str:
     """Go on where it stopped, and compare with an undisturbed run."""
-    outcome = sweep(slow, _SHARDS, store=store, workers=1, **_WORDS)
-    lost = committed - set(outcome.reused)
-    same = all(table_digest(outcome.tables[n]) == table_digest(slow(i)) for n, i in _SHARDS.items())
+    done = swept(store, workers=1)
+    lost = committed - {name for name, one in done.items() if one.found}
+    same = all(table_digest(done[n].table) == table_digest(slow(i)) for n, i in _SHARDS.items())
     return "recovered" if same and not lost and not store.quarantined() else "silent"
 
 
